@@ -1,0 +1,62 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "base/result.h"
+#include "frame/frame.h"
+#include "rig/ray_table.h"
+#include "rig/rig.h"
+#include "snapshot/snapshot.h"
+#include "wagon/wagon.h"
+
+namespace wagonsight {
+
+// The user's choices for what is computed. Names carry units; the settings file has the same names.
+struct PipelineOptions {
+  double leaf_m = 0.02;            // of the background octree, 0.01 to 0.10
+  double voxel_m = 0.02;           // of the foreground's voxel grid
+  double noise_sigmas = 3.0;       // a change must exceed this many sigmas
+  double blob_area_min_m2 = 0.01;  // smaller blobs are noise
+  double learning_s = 2.0;         // until a background counts as known
+  double fps_expected = 30.0;  // FrameSets a second; time constants are seconds, this only warns
+  bool compensate_skew = true;
+};
+
+enum class Stage : std::uint8_t { kToDepth, kExtract, kFuse, kPeople, kSituation };
+inline constexpr std::size_t kStageCount = 5;
+
+// Algorithm 1 of the paper, and what follows from it: from the depth images of one instant to who
+// is where. One thread at a time; allocates only in the constructor.
+class Pipeline {
+ public:
+  // `rays` by sensor index, as in the blob; they must outlive the pipeline. The Error of create()
+  // says what in the rig or the wagon cannot be served (no sensor, an inside too large for the
+  // octree).
+  static Result<std::unique_ptr<Pipeline>> create(const Rig& rig,
+                                                  std::array<RayTable, kSensorsMax> rays,
+                                                  const Wagon& wagon,
+                                                  const PipelineOptions& options);
+  ~Pipeline();
+
+  // The result stays valid until the next call.
+  const PeopleFrame& process(const FrameSet& frames);
+
+  const Occupancy& occupancy() const;
+  // Share of a sensor's pixels whose background is known, 0..1.
+  double background_share(std::size_t sensor_index) const;
+  bool learning() const;
+
+  // Time source for stage timings; without one they are zero and results do not depend on it.
+  using Ticker = Duration (*)();
+  void set_ticker(Ticker ticker);
+  const std::array<Duration, kStageCount>& last_stage_times() const;
+
+ private:
+  struct State;
+  explicit Pipeline(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace wagonsight

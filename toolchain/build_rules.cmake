@@ -1,0 +1,64 @@
+# How every target of wagonsight is built: language level, warnings, the shape of a module.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+
+add_library(wagonsight_flags INTERFACE)
+target_compile_options(wagonsight_flags INTERFACE
+  -Wall -Wextra -Wconversion -Wsign-conversion -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
+  $<$<BOOL:${WAGONSIGHT_WERROR}>:-Werror>
+  # x86-64 and aarch64 must give the same bytes, so no fused multiply-add behind our back.
+  -ffp-contract=off
+  -ffunction-sections -fdata-sections)
+target_link_options(wagonsight_flags INTERFACE -Wl,--gc-sections)
+
+# Debian's own headers are not ours to warn about; imported targets are SYSTEM already.
+find_package(Threads REQUIRED)
+find_package(Eigen3 REQUIRED NO_MODULE)
+find_package(tl-expected REQUIRED)
+find_package(fmt REQUIRED)
+
+# wagonsight_module(NAME SOURCES a.cpp ... DEPENDS base ... LINKS Eigen3::Eigen ...)
+# A folder of modules/ or platform/ becomes the library wagonsight_NAME. Headers are included as
+# "NAME/header.h". The include graph is held against tests/module_graph.txt by a test.
+function(wagonsight_module name)
+  cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS;PRIVATE_LINKS" ${ARGN})
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH include_root)
+  if(arg_SOURCES)
+    set(kind PUBLIC)
+    add_library(wagonsight_${name} STATIC ${arg_SOURCES})
+    target_link_libraries(wagonsight_${name} PRIVATE wagonsight_flags ${arg_PRIVATE_LINKS})
+  else()
+    set(kind INTERFACE)
+    add_library(wagonsight_${name} INTERFACE)
+  endif()
+  target_include_directories(wagonsight_${name} ${kind} "${include_root}")
+  list(TRANSFORM arg_DEPENDS PREPEND wagonsight_)
+  target_link_libraries(wagonsight_${name} ${kind} ${arg_DEPENDS} ${arg_LINKS})
+endfunction()
+
+# wagonsight_program(NAME SOURCES ... DEPENDS ... LINKS ...): an executable of apps/.
+function(wagonsight_program name)
+  cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  list(TRANSFORM arg_DEPENDS PREPEND wagonsight_)
+  target_link_libraries(${name} PRIVATE wagonsight_flags ${arg_DEPENDS} ${arg_LINKS})
+endfunction()
+
+# wagonsight_test(NAME SOURCES ... DEPENDS ... LINKS ...): one GoogleTest program, found by CTest.
+# LABELS threaded marks what the thread sanitizer run repeats.
+function(wagonsight_test name)
+  cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS;LABELS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  list(TRANSFORM arg_DEPENDS PREPEND wagonsight_)
+  target_link_libraries(${name} PRIVATE wagonsight_flags ${arg_DEPENDS} ${arg_LINKS} GTest::gmock_main)
+  target_compile_definitions(${name} PRIVATE WAGONSIGHT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  set(labels unit)
+  if(arg_LABELS)
+    set(labels ${arg_LABELS})
+  endif()
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${labels} TIMEOUT 300)
+endfunction()
