@@ -1,8 +1,11 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "base/result.h"
 #include "frame/frame.h"
@@ -42,6 +45,15 @@ class Pipeline {
 
   // The result stays valid until the next call.
   const PeopleFrame& process(const FrameSet& frames);
+
+  // Learning apart from processing, for `replay --background whole` and for backgrounds kept in a
+  // file. learn() only gathers evidence; finish_learning() makes what was gathered the background.
+  void learn(const FrameSet& frames);
+  void finish_learning();
+  // The background as bytes and back; the Error names what does not fit (leaf, box, sensors).
+  // Allocate.
+  std::vector<std::byte> save_background() const;
+  Result<void> load_background(std::span<const std::byte> bytes);
 
   const Occupancy& occupancy() const;
   // Share of a sensor's pixels whose background is known, 0..1.

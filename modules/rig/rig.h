@@ -35,9 +35,10 @@ struct StereoGeometry {  // of a rectified pair; right = left shifted by `baseli
 struct RigSensor {
   Name name;
   SensorKind kind = SensorKind::kKinect;
-  Camera camera;  // S: the depth camera; for stereo the rectified left imager
-  Rigid X_BS;     // sensor to board, as estimated
-  Rigid X_WS;     // sensor to world: what the pipeline uses
+  Camera camera;         // S: the depth camera; for stereo the rectified left imager
+  Rigid X_BS;            // sensor to board, as estimated
+  bool has_pose = true;  // false: an import that came without one; the floor is found instead
+  Rigid X_WS;            // sensor to world: what the pipeline uses
   DepthNoise noise;
   StereoGeometry stereo;   // kStereo only
   double trim_near = 0.4;  // metres along z; readings outside are dropped
