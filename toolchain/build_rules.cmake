@@ -62,3 +62,38 @@ function(wagonsight_test name)
   endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${labels} TIMEOUT 300)
 endfunction()
+
+# wagonsight_without_ubsan(FILE ...): sources full of Boost.Beast, whose templates take minutes and
+# gigabytes under the undefined-behaviour sanitizer. They keep the address sanitizer.
+function(wagonsight_without_ubsan)
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=undefined")
+endfunction()
+
+# wagonsight_fuzz(NAME SOURCES a.cpp ... DEPENDS snapshot ...): one target with
+# LLVMFuzzerTestOneInput. Under the preset fuzz libFuzzer drives it; under every other preset it is
+# built with tests/fuzz/replay_main.cpp, which feeds it the seeds of corpus/NAME (beside its
+# CMakeLists.txt, when there are any) and a fixed number of repeatable mutations of them, so that a
+# target cannot rot.
+function(wagonsight_fuzz name)
+  cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  list(TRANSFORM arg_DEPENDS PREPEND wagonsight_)
+  target_link_libraries(${name} PRIVATE wagonsight_flags ${arg_DEPENDS} ${arg_LINKS})
+  set(corpus "${CMAKE_CURRENT_SOURCE_DIR}/corpus/${name}")
+  if(NOT IS_DIRECTORY "${corpus}")
+    set(corpus "")
+  endif()
+  if(WAGONSIGHT_FUZZ)
+    target_link_options(${name} PRIVATE -fsanitize=fuzzer)
+    # What libFuzzer finds goes into the first folder; the seeds of the source tree stay as they are.
+    set(found "${CMAKE_CURRENT_BINARY_DIR}/found/${name}")
+    file(MAKE_DIRECTORY "${found}")
+    add_test(NAME fuzz.${name} COMMAND ${name} -max_total_time=${WAGONSIGHT_FUZZ_SECONDS}
+             -timeout=10 -rss_limit_mb=2048 -print_final_stats=1
+             "-artifact_prefix=${found}/" "${found}" ${corpus})
+  else()
+    target_sources(${name} PRIVATE "${PROJECT_SOURCE_DIR}/tests/fuzz/replay_main.cpp")
+    add_test(NAME fuzz.${name} COMMAND ${name} ${corpus})
+  endif()
+  set_tests_properties(fuzz.${name} PROPERTIES LABELS fuzz TIMEOUT 300)
+endfunction()
