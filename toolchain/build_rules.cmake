@@ -10,6 +10,8 @@ add_library(wagonsight_flags INTERFACE)
 target_compile_options(wagonsight_flags INTERFACE
   -Wall -Wextra -Wconversion -Wsign-conversion -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
   $<$<BOOL:${WAGONSIGHT_WERROR}>:-Werror>
+  # g++ 12 warns falsely about "text" + std::string (GCC bug 105651).
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
   # x86-64 and aarch64 must give the same bytes, so no fused multiply-add behind our back.
   -ffp-contract=off
   -ffunction-sections -fdata-sections)
