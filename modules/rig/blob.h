@@ -13,7 +13,7 @@
 // The calibration blob: what the daemon needs of a calibration, ready to be used where it lies.
 // Little-endian; a header, a table of sections (kind, sensor, offset, length, CRC-32C each, offsets
 // aligned to 64), the sections, and a SHA-256 over all that precedes it. Version in the header; a
-// reader refuses a newer major version by name.
+// reader refuses a newer version by name. The layout, byte by byte, is in README.md.
 namespace wagonsight {
 
 inline constexpr std::uint16_t kBlobVersion = 1;
@@ -25,7 +25,8 @@ struct RigBlob {
   std::array<std::uint8_t, 32> sha256{};
 };
 
-// The bytes of a blob; deterministic.
+// The bytes of a blob; deterministic. The rig is packed as it is: a rig that check_rig() refuses
+// gives a blob that open_blob() refuses. Allocates.
 std::vector<std::byte> pack_blob(const Rig& rig);
 
 // Checks every sum, range and size before anything is used. `bytes` must be 4-byte aligned, as mmap

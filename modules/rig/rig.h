@@ -3,10 +3,12 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <string_view>
 
 #include "base/capacities.h"
 #include "base/fixed_string.h"
 #include "base/fixed_vector.h"
+#include "base/result.h"
 #include "geometry/camera.h"
 #include "geometry/transform.h"
 
@@ -73,5 +75,13 @@ struct Rig {
 
 // Index of the sensor of that name, or -1.
 int find_sensor(const Rig& rig, std::string_view name);
+
+// 1 to 40 letters, digits, _ and -: fit for a file's name, a metric's label and a topic.
+bool is_sensor_name(std::string_view name);
+
+// Refuses what no rig can have: values that are not numbers, rotations that are not, images larger
+// than kImagePixelsMax, trims the wrong way round, two sensors of one name. The Error names the
+// sensor, the field, its value and the rule. Every reader of a Rig from outside calls it.
+Result<void> check_rig(const Rig& rig);
 
 }  // namespace wagonsight
