@@ -122,6 +122,7 @@ struct SensorStatus {
   double last_good = 0;         // time of the last good frame, same clock as Snapshot::time
   double background_share = 0;  // share of its pixels with a known background, 0..1
   double rms_px = 0;            // from calibration
+  double dropped_share = 0;     // of the frames of the last ten seconds, damaged ones included
 };
 
 struct StageTiming {
@@ -150,8 +151,9 @@ struct CalibrationStatus {
 // All that the web side and the bridge may know. One writer (control), many readers.
 struct Snapshot {
   std::uint64_t sequence = 0;
-  double time = 0;       // seconds since the daemon's start
-  double unix_time = 0;  // wall clock of `time`; 0 when unsynchronised
+  double time = 0;            // seconds since the daemon's start
+  double unix_time = 0;       // wall clock of `time`; 0 when unsynchronised
+  double monotonic_time = 0;  // the unit's monotonic clock at `time`: tells readers its age
   PeopleFrame frame;
   Occupancy occupancy;
   VehicleState vehicle;
@@ -160,9 +162,13 @@ struct Snapshot {
   FixedVector<StageTiming, kStagesMax> stages;
   std::uint64_t framesets = 0, framesets_dropped = 0;
   double frameset_rate = 0;
-  double pipeline_cpu_share = 0;  // of one core
+  double framesets_dropped_share = 0;  // of the last ten seconds
+  double pipeline_latency_ms = 0;      // from the instant of a FrameSet to its answer
+  double pipeline_cpu_share = 0;       // of one core
   std::uint64_t allocations_sealed = 0;
   std::uint64_t resident_bytes = 0;
+  std::uint32_t slots_in_use = 0, slots_high_water = 0, slots_capacity = 0;  // of the FramePool
+  std::uint32_t web_restarts = 0;
   bool recording = false;
   bool learning = false;  // the background is not known yet
 };
