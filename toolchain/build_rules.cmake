@@ -22,6 +22,7 @@ find_package(Threads REQUIRED)
 find_package(Eigen3 REQUIRED NO_MODULE)
 find_package(tl-expected REQUIRED)
 find_package(fmt REQUIRED)
+find_package(nlohmann_json REQUIRED)
 
 # wagonsight_module(NAME SOURCES a.cpp ... DEPENDS base ... LINKS Eigen3::Eigen ...)
 # A folder of modules/ or platform/ becomes the library wagonsight_NAME. Headers are included as
