@@ -1,0 +1,258 @@
+#include "capture/frame_set_builder.h"
+
+#include <algorithm>
+
+#include "base/check.h"
+
+namespace wagonsight {
+namespace {
+
+// An instant is before its arrival by the clock fit's design; a second is beyond any doubt.
+constexpr Duration kImplausibleLead = std::chrono::seconds(1);
+constexpr std::size_t kPeriodsNeeded = 3;
+
+// How old a frame may be and still be taken before a newer one.
+constexpr Duration inertia(Duration period) {
+  return period * 3 / 5;
+}
+
+}  // namespace
+
+FrameSetBuilder::FrameSetBuilder(FramePool& pool, std::span<const double> rates_hz,
+                                 const FrameSetOptions& options)
+    : pool_(pool), options_(options) {
+  WS_CHECK(rates_hz.size() <= kSensorsMax, "%zu sensors", rates_hz.size());
+  for (std::size_t i = 0; i < rates_hz.size(); ++i) {
+    if (rates_hz[i] <= 0) continue;
+    queues_[i].expected = true;
+    queues_[i].nominal_period = queues_[i].period = from_seconds(1.0 / rates_hz[i]);
+  }
+}
+
+FrameSetBuilder::~FrameSetBuilder() {
+  release_current();
+  for (SensorQueue& queue : queues_)
+    for (const Entry& entry : queue.entries) pool_.release(entry.slot);
+}
+
+const FrameSetBuilder::SensorQueue& FrameSetBuilder::state(std::size_t sensor_index) const {
+  WS_CHECK(sensor_index < kSensorsMax, "sensor %zu", sensor_index);
+  return queues_[sensor_index];
+}
+
+void FrameSetBuilder::add(FrameSlot* slot) {
+  WS_CHECK(slot != nullptr && state(slot->sensor_index).expected, "frame of an unknown sensor %d",
+           slot == nullptr ? -1 : slot->sensor_index);
+  SensorQueue& queue = queues_[slot->sensor_index];
+  Counters& counters = queue.counters;
+  ++counters.received;
+  const auto refuse = [&](std::uint64_t& cause) {
+    ++cause;
+    pool_.release(slot);
+  };
+  const HostTime instant = slot->instant;
+  if (instant > slot->arrival + kImplausibleLead) return refuse(counters.implausible);
+  if (queue.seen && instant == queue.last_instant) return refuse(counters.duplicates);
+  if (queue.seen && instant < queue.last_instant) return refuse(counters.out_of_order);
+
+  if (!started_) started_ = instant;
+  now_ = std::max(now_, instant);
+  if (queue.seen) measure_period(queue, instant - queue.last_instant);
+  queue.seen = true;
+  queue.last_instant = instant;
+  if (queue.entries.full()) drop_front(queue, counters.overrun);
+  if (slot->damaged) {
+    pool_.release(slot);
+    ++counters.damaged;
+    slot = nullptr;
+  }
+  queue.entries.push_back({slot, instant});
+}
+
+void FrameSetBuilder::measure_period(SensorQueue& queue, Duration step) {
+  if (queue.periods.full()) {
+    queue.periods[queue.period_cursor] = step;
+    queue.period_cursor = (queue.period_cursor + 1) % kPeriodsMax;
+  } else {
+    queue.periods.push_back(step);
+  }
+  if (queue.periods.size() < kPeriodsNeeded) return;
+  auto sorted = queue.periods;
+  auto* middle = sorted.begin() + (sorted.size() - 1) / 2;
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  queue.period = *middle;
+}
+
+// A damaged frame was counted when it came.
+void FrameSetBuilder::drop_front(SensorQueue& queue, std::uint64_t& cause) {
+  auto& entries = queue.entries;
+  queue.left_instant = entries[0].instant;
+  if (entries[0].slot != nullptr) {
+    ++cause;
+    pool_.release(entries[0].slot);
+  }
+  std::copy(entries.begin() + 1, entries.end(), entries.begin());
+  entries.pop_back();
+}
+
+bool FrameSetBuilder::silent(const SensorQueue& queue) const {
+  if (!started_) return false;
+  const HostTime last = queue.seen ? queue.last_instant : *started_;
+  return now_ - last > std::max(options_.silent_after, 3 * queue.period);
+}
+
+int FrameSetBuilder::choose_reference() const {
+  const auto usable = [&](const SensorQueue& queue) { return queue.seen && !silent(queue); };
+  int fastest = -1;
+  for (std::size_t i = 0; i < kSensorsMax; ++i) {
+    if (!usable(queues_[i])) continue;
+    if (fastest < 0 || queues_[i].period < queues_[static_cast<std::size_t>(fastest)].period)
+      fastest = static_cast<int>(i);
+  }
+  if (fastest < 0 || reference_ < 0) return fastest;
+  const SensorQueue& current = queues_[static_cast<std::size_t>(reference_)];
+  const bool a_quarter_faster =
+      4 * queues_[static_cast<std::size_t>(fastest)].period < 3 * current.period;
+  return usable(current) && !a_quarter_faster ? reference_ : fastest;
+}
+
+bool FrameSetBuilder::deadline_passed(const Tick& tick) const {
+  return finished_ || now_ >= tick.instant + tick.period / 2 + options_.latency_max;
+}
+
+std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_tick() {
+  reference_ = choose_reference();
+  if (reference_ < 0) return find_silent_tick();
+  SensorQueue& queue = queues_[static_cast<std::size_t>(reference_)];
+  Tick regular{{}, queue.period, reference_};
+
+  // A frame that answers to a tick that has passed makes no tick of its own.
+  while (last_tick_ && !queue.entries.empty()) {
+    const HostTime instant = queue.entries[0].instant;
+    const bool own_pace = last_tick_->reference == reference_;
+    if (instant > last_tick_->instant + (own_pace ? Duration{} : regular.period / 2)) break;
+    drop_front(queue, queue.counters.late);
+  }
+  const Entry* frame = queue.entries.empty() ? nullptr : queue.entries.begin();
+  if (last_tick_)
+    if (const auto gap = find_gap_tick(regular, frame)) return gap;
+  if (frame == nullptr) return std::nullopt;
+  regular.instant = frame->instant;
+  return regular;
+}
+
+// A tick where the reference has no frame and another sensor has one: at the instant of the frame
+// that is missing, or of the other's frame when that is further away.
+std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_gap_tick(
+    const Tick& regular, const Entry* reference_frame) const {
+  const HostTime missing = last_tick_->instant + regular.period;
+  if (reference_frame != nullptr && reference_frame->instant < missing + regular.period / 2)
+    return std::nullopt;
+  const Entry* other = nullptr;
+  for (const SensorQueue& queue : queues_) {
+    for (const Entry& entry : queue.entries) {
+      if (entry.instant <= last_tick_->instant + regular.period / 2) continue;
+      if (other == nullptr || entry.instant < other->instant) other = &entry;
+      break;
+    }
+  }
+  if (other == nullptr || other == reference_frame) return std::nullopt;
+  Tick gap{missing, regular.period, kGapTick};
+  if (other->instant >= missing + regular.period / 2) gap.instant = other->instant;
+  // Frames of one sensor come in order: a later one of the reference proves that this is missing.
+  if (reference_frame != nullptr)
+    return reference_frame->instant >= gap.instant + regular.period / 2 ? std::optional(gap)
+                                                                        : std::nullopt;
+  return deadline_passed(gap) ? std::optional(gap) : std::nullopt;
+}
+
+std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_silent_tick() const {
+  if (!options_.tick_when_silent || finished_ || !last_tick_) return std::nullopt;
+  const bool first = last_tick_->reference != kSilentTick;
+  Tick tick{last_tick_->instant + (first ? options_.silent_after : last_tick_->period),
+            last_tick_->period, kSilentTick};
+  return deadline_passed(tick) ? std::optional(tick) : std::nullopt;
+}
+
+// True when the sensor cannot give a nearer frame for this tick any more.
+bool FrameSetBuilder::settled(const SensorQueue& queue, const Tick& tick) const {
+  if (!queue.expected || silent(queue)) return true;
+  const HostTime window_end = tick.instant + tick.period / 2;
+  for (const Entry& entry : queue.entries)
+    if (entry.instant >= tick.instant - inertia(tick.period)) return true;
+  return queue.seen && queue.last_instant + queue.period >= window_end;
+}
+
+bool FrameSetBuilder::settled(const Tick& tick) const {
+  return deadline_passed(tick) || std::all_of(queues_.begin(), queues_.end(),
+                                              [&](const auto& q) { return settled(q, tick); });
+}
+
+bool FrameSetBuilder::next(HostTime now, FrameSet& set) {
+  release_current();
+  now_ = std::max(now_, now);
+  const auto tick = find_tick();
+  if (!tick && finished_) {
+    for (SensorQueue& queue : queues_)
+      while (!queue.entries.empty()) drop_front(queue, queue.counters.late);
+  }
+  if (!tick || !settled(*tick)) return false;
+  emit(*tick, set);
+  return true;
+}
+
+void FrameSetBuilder::emit(const Tick& tick, FrameSet& set) {
+  set = FrameSet{};
+  set.index = set_count_++;
+  set.instant = tick.instant;
+  for (std::size_t i = 0; i < kSensorsMax; ++i) {
+    if (!queues_[i].expected) continue;
+    set.sensors[i] = take_nearest(queues_[i], tick);
+    if (set.sensors[i].slot == nullptr) continue;
+    ++queues_[i].counters.used;
+  }
+  last_tick_ = tick;
+}
+
+SensorFrame FrameSetBuilder::take_nearest(SensorQueue& queue, const Tick& tick) {
+  const HostTime window_begin = tick.instant - tick.period;
+  const HostTime window_end = tick.instant + tick.period / 2;
+  auto& entries = queue.entries;
+  while (!entries.empty() && entries[0].instant <= window_begin)
+    drop_front(queue, queue.counters.late);
+  bool damaged = false;
+  while (!entries.empty() && entries[0].instant < window_end) {
+    const bool better_follows = entries[0].instant < tick.instant - inertia(tick.period) &&
+                                entries.size() > 1 && entries[1].slot != nullptr &&
+                                entries[1].instant < window_end;
+    if (entries[0].slot == nullptr || better_follows) {
+      damaged = damaged || entries[0].slot == nullptr;
+      drop_front(queue, queue.counters.superseded);
+      continue;
+    }
+    FrameSlot* slot = entries[0].slot;
+    current_.push_back(slot);
+    entries[0].slot = nullptr;
+    drop_front(queue, queue.counters.superseded);
+    return {FrameState::kPresent, slot, slot->instant - tick.instant};
+  }
+  if (damaged) return {FrameState::kDamaged, nullptr, {}};
+  if (silent(queue)) return {FrameState::kLost, nullptr, {}};
+  return {missing(queue, tick) ? FrameState::kLate : FrameState::kNotDue, nullptr, {}};
+}
+
+// Should the sensor, which is not silent, have had a frame for this tick?
+bool FrameSetBuilder::missing(const SensorQueue& queue, const Tick& tick) const {
+  if (!queue.seen) return true;
+  if (!queue.left_instant) return false;  // it has just begun
+  const bool hole = queue.entries.empty() ||
+                    2 * (queue.entries[0].instant - *queue.left_instant) > 3 * queue.period;
+  return hole && *queue.left_instant + queue.period < tick.instant + tick.period / 2;
+}
+
+void FrameSetBuilder::release_current() {
+  for (FrameSlot* slot : current_) pool_.release(slot);
+  current_.clear();
+}
+
+}  // namespace wagonsight
