@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 // Every capacity of the appliance, each with its reason. Memory is these sums and nothing else;
 // it is allocated at start-up and never grows.
@@ -34,6 +35,26 @@ inline constexpr std::size_t kBlobsMax = 256;
 // 2 cm has about 1,500; forty people from four sides are 240,000, bounded by the wagon's own air.
 inline constexpr std::size_t kSensorPointsMax = 65'536;
 inline constexpr std::size_t kFusedPointsMax = 262'144;
+
+// Bricks (8 x 8 x 8 leaves) of one octree. At 2 cm leaves 65,536 of them are 268 m3 of air: a wagon
+// of 20 x 2.8 x 2.4 m is 33,000, the class room of a typical import 41,000. One buffer of bits is
+// then at most 65,536 x 64 bytes = 4 MiB; a box that needs more must choose a larger leaf.
+inline constexpr std::size_t kBrickLeaves = 512;
+inline constexpr std::size_t kBrickBytes = kBrickLeaves / 8;
+inline constexpr std::size_t kOctreeBricksMax = 65'536;
+static_assert(kOctreeBricksMax * kBrickBytes == std::size_t{4} * 1024 * 1024);
+static_assert(kOctreeBricksMax * kBrickLeaves <= UINT32_MAX, "a leaf's address is 32 bits");
+
+// Bricks in which one sensor can gather evidence at a time: surfaces and what moves before them,
+// not the air. 60 m2 of surface at 2 cm are 2,400 bricks, three times that with the noise at 5 m;
+// people who pass while a whole recording is learned fill as many again. Two counters a leaf: 16
+// MiB at most, of which only pages that were touched are resident.
+inline constexpr std::size_t kEvidenceBricksMax = 16'384;
+static_assert(kEvidenceBricksMax * kBrickLeaves * 2 == std::size_t{16} * 1024 * 1024);
+
+// Runs of foreground pixels of one image row, over all rows: 480 rows of a Kinect with 60 runs each
+// are a frame of nothing but noise.
+inline constexpr std::size_t kRunsMax = 32'768;
 
 // Events that are told at one instant.
 inline constexpr std::size_t kEventsMax = 64;

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "geometry/transform.h"
+#include "wagon/wagon.h"
 
 namespace wagonsight {
 
@@ -21,5 +22,10 @@ struct FloorEstimate {
 // of the points. Allocates; for start-up and learning, not for the data path.
 std::optional<FloorEstimate> find_floor(std::span<const Eigen::Vector3f> points_S,
                                         double tilt_max = 1.0);
+
+// A room for a recording that came without one: what of the points (W, with the floor at z = 0) is
+// between floor and `height_max`, without the farthest hundredth on each side, and a margin.
+// Nothing is looked for above `height_max`. Allocates; for start-up.
+Bounds find_inside(std::span<const Eigen::Vector3f> points_W, double height_max = 2.5);
 
 }  // namespace wagonsight

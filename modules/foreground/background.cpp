@@ -1,0 +1,269 @@
+#include "foreground/background.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+
+namespace wagonsight {
+namespace {
+
+constexpr double kRound_s = 0.25;
+// Hits saturate here: 15 s of evidence; what is older counts no more.
+constexpr int kHitsMax = 60;
+// A leaf that was hit h times goes when seen through in 2 + h / 6 rounds more often than there:
+// half a second for what was only assumed, three seconds for the wall.
+constexpr int kFreesMin = 2;
+constexpr int kHitsPerFree = 6;
+// Noise must come back for so many rounds to become background.
+constexpr int kNoiseHits = 5;
+// Whole learning: background was there at least in this share of the frames that could tell, and
+// in so many frames.
+constexpr double kThereShare = 0.5;
+constexpr int kThereFramesMin = 3;
+
+template <class Visit>
+void visit_pixels(std::span<const std::uint64_t> bits, Visit&& visit) {
+  for (std::size_t word = 0; word < bits.size(); ++word) {
+    for (std::uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
+      visit(word * 64 + static_cast<std::size_t>(std::countr_zero(rest)));
+    }
+  }
+}
+
+}  // namespace
+
+Background::Background(const SensorView& view)
+    : leaves_(view.grid()),
+      this_round_(view.grid()),
+      evidence_(view.grid()),
+      thresholds_(view),
+      empty_rounds_(std::make_unique<std::uint8_t[]>(view.pixel_count())) {}
+
+void Background::gather(const SensorView& view, DepthImage image) {
+  this_round_.clear();
+  ++gathered_;
+  for (std::size_t pixel = 0; pixel < image.pixel_count(); ++pixel) {
+    const std::uint16_t raw = image.pixels[pixel];
+    if (raw < view.depth().raw_near() || raw > view.depth().raw_far()) continue;
+    if (!view.has_ray(pixel)) continue;
+    const LeafAddress leaf = view.leaf_of(pixel, raw);
+    if (leaf == kNoLeaf || !this_round_.insert(leaf)) continue;
+    LeafEvidence* evidence = evidence_.find_or_add(leaf);
+    if (evidence == nullptr) continue;
+    if (evidence->hits == UINT8_MAX) {  // keeps the ratio and forgets slowly
+      evidence->hits /= 2;
+      evidence->frees /= 2;
+    }
+    ++evidence->hits;
+  }
+  for (const BrickAddress brick : evidence_.bricks()) {
+    const auto leaves = evidence_.brick(brick);
+    for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
+      const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
+      if (leaves[i].hits == 0 || this_round_.contains(leaf)) continue;
+      if (look(view, image, leaf) != Seen::kThrough) continue;
+      if (leaves[i].frees == UINT8_MAX) {
+        leaves[i].hits /= 2;
+        leaves[i].frees /= 2;
+      }
+      ++leaves[i].frees;
+    }
+  }
+}
+
+void Background::decide(const SensorView& view) {
+  leaves_.clear();
+  this_round_.clear();
+  const int frames_min = std::min(kThereFramesMin, static_cast<int>(gathered_));
+  for (const BrickAddress brick : evidence_.bricks()) {
+    const auto leaves = evidence_.brick(brick);
+    for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
+      LeafEvidence& evidence = leaves[i];
+      const double told = evidence.hits + evidence.frees;
+      if (evidence.hits >= frames_min && evidence.hits >= kThereShare * told) {
+        leaves_.insert(brick * static_cast<std::uint32_t>(kBrickLeaves) + i);
+        evidence.hits = static_cast<std::uint8_t>(std::min<int>(evidence.hits, kHitsMax));
+        evidence.frees = 0;
+      } else {
+        evidence = {};
+      }
+    }
+  }
+  thresholds_.all_changed();
+  thresholds_.refresh(view, leaves_, thresholds_.tile_count());
+  for (std::size_t pixel = 0; pixel < view.pixel_count(); ++pixel) {
+    if (!thresholds_.has_background(pixel)) thresholds_.set_open(pixel);
+  }
+  rounds_ = std::max(rounds_, gathered_);
+  gathered_ = 0;
+}
+
+void Background::assume(const SensorView& view, DepthImage image) {
+  for (std::size_t pixel = 0; pixel < image.pixel_count(); ++pixel) {
+    const std::uint16_t raw = image.pixels[pixel];
+    if (raw < view.depth().raw_near() || raw > view.depth().raw_far()) continue;
+    if (!view.has_ray(pixel)) continue;
+    const LeafAddress leaf = view.leaf_of(pixel, raw);
+    if (leaf == kNoLeaf || !leaves_.insert(leaf)) continue;
+    if (LeafEvidence* evidence = evidence_.find_or_add(leaf)) evidence->hits = 1;
+  }
+  thresholds_.all_changed();
+  thresholds_.refresh(view, leaves_, thresholds_.tile_count());
+}
+
+float Background::advance(HostTime instant) {
+  if (!started_) {
+    started_ = true;
+    last_instant_ = round_start_ = instant;
+    rounds_ += 1;
+    return 1.0F;
+  }
+  const double frame_s = std::max(0.0, to_seconds(instant - last_instant_));
+  last_instant_ = instant;
+  slow_frames_ = frame_s > 0.6 * kRound_s;
+  // Half a frame of slack, so that clock jitter does not make a round a frame longer.
+  if (to_seconds(instant - round_start_) + 0.5 * frame_s >= kRound_s) {
+    round_start_ = instant;
+    ++rounds_;
+    fade_candidates();
+    this_round_.clear();
+  }
+  return static_cast<float>(std::min(1.0, frame_s / kRound_s));
+}
+
+// What is not background yet and was not seen in the round that ends loses a hit.
+void Background::fade_candidates() {
+  for (const BrickAddress brick : evidence_.bricks()) {
+    const auto leaves = evidence_.brick(brick);
+    for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
+      const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
+      if (leaves[i].hits == 0 || leaves_.contains(leaf) || this_round_.contains(leaf)) continue;
+      --leaves[i].hits;
+    }
+  }
+}
+
+void Background::add_leaf(const SensorView& view, LeafAddress leaf) {
+  if (leaves_.insert(leaf)) thresholds_.leaf_changed(view, leaf);
+}
+
+void Background::remove_leaf(const SensorView& view, LeafAddress leaf) {
+  if (leaves_.erase(leaf)) thresholds_.leaf_changed(view, leaf);
+  if (LeafEvidence* evidence = evidence_.find(leaf)) *evidence = {};
+}
+
+void Background::hit(const SensorView& view, LeafAddress leaf, int hits_needed) {
+  if (leaf == kNoLeaf || !this_round_.insert(leaf)) return;
+  LeafEvidence* evidence = evidence_.find_or_add(leaf);
+  if (evidence == nullptr) return;
+  evidence->hits = static_cast<std::uint8_t>(std::min(evidence->hits + 1, kHitsMax));
+  if (evidence->hits >= hits_needed) {
+    evidence->frees = 0;
+    add_leaf(view, leaf);
+  }
+}
+
+void Background::observe_new(const SensorView& view, DepthImage image,
+                             std::span<const std::uint64_t> unknown,
+                             std::span<const std::uint64_t> noise) {
+  const int unknown_hits = slow_frames_ ? 2 : 3;
+  visit_pixels(unknown, [&](std::size_t pixel) {
+    hit(view, view.leaf_of(pixel, image.pixels[pixel]), unknown_hits);
+  });
+  visit_pixels(noise, [&](std::size_t pixel) {
+    hit(view, view.leaf_of(pixel, image.pixels[pixel]), kNoiseHits);
+  });
+}
+
+Background::Seen Background::look(const SensorView& view, DepthImage image,
+                                  LeafAddress leaf) const {
+  const Eigen::Vector3f centre = view.grid().centre(view.grid().leaf_at(leaf)).cast<float>();
+  const auto seen = view.project(centre);
+  if (!seen) return Seen::kNothing;
+  const float half = 0.5F * static_cast<float>(view.grid().leaf_m());
+  const int reach = std::max(1, static_cast<int>(half * view.focal() / seen->z));
+  const DepthModel& depth = view.depth();
+  // The centre and four corners of what the leaf covers: a leaf at an edge is only half seen
+  // through.
+  constexpr std::array<std::array<int, 2>, 5> kCorners{
+      {{0, 0}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}}};
+  int through = 0;
+  for (const auto& corner : kCorners) {
+    const int u = seen->u + corner[0] * reach, v = seen->v + corner[1] * reach;
+    if (u < 0 || v < 0 || u >= image.width || v >= image.height) continue;
+    const std::uint16_t raw = image.at(u, v);
+    if (raw == 0) continue;
+    const std::uint16_t known = std::min(raw, depth.raw_far());
+    const float z = depth.z(known), tolerance = depth.tolerance(known);
+    if (z + tolerance < seen->z - 2 * half) continue;  // something is before it
+    if (z - tolerance <= seen->z + 2 * half) return Seen::kThere;
+    ++through;
+  }
+  return through >= 3 ? Seen::kThrough : Seen::kNothing;
+}
+
+void Background::observe_free(const SensorView& view, DepthImage image, float round_share) {
+  const auto bricks = leaves_.touched();
+  if (bricks.empty()) return;
+  auto count = static_cast<std::size_t>(std::ceil(round_share * static_cast<float>(bricks.size())));
+  for (; count > 0; --count) {
+    if (next_leaf_brick_ >= bricks.size()) next_leaf_brick_ = 0;
+    const BrickAddress brick = bricks[next_leaf_brick_++];
+    if (!leaves_.brick_occupied(brick)) continue;
+    leaves_.visit_brick(brick, [&](LeafAddress leaf) {
+      LeafEvidence* evidence = evidence_.find_or_add(leaf);
+      if (evidence == nullptr) return;
+      switch (look(view, image, leaf)) {
+        case Seen::kNothing:
+          return;
+        case Seen::kThere:
+          evidence->hits = static_cast<std::uint8_t>(std::min(evidence->hits + 1, kHitsMax));
+          evidence->frees = evidence->frees > 2 ? static_cast<std::uint8_t>(evidence->frees - 2)
+                                                : std::uint8_t{0};
+          return;
+        case Seen::kThrough:
+          if (++evidence->frees >= kFreesMin + evidence->hits / kHitsPerFree) {
+            remove_leaf(view, leaf);
+          }
+          return;
+      }
+    });
+  }
+}
+
+void Background::observe_empty(const SensorView& view, DepthImage image, float round_share,
+                               int rounds_needed) {
+  auto count =
+      static_cast<std::size_t>(std::ceil(round_share * static_cast<float>(image.pixel_count())));
+  const std::uint16_t far = view.depth().raw_far();
+  for (; count > 0; --count, ++next_pixel_) {
+    if (next_pixel_ >= image.pixel_count()) next_pixel_ = 0;
+    const std::size_t pixel = next_pixel_;
+    if (thresholds_.has_background(pixel) || thresholds_.is_open(pixel)) continue;
+    const std::uint16_t raw = image.pixels[pixel];
+    std::uint8_t& rounds = empty_rounds_[pixel];
+    const bool beyond = raw > far || (raw != 0 && view.leaf_of(pixel, raw) == kNoLeaf);
+    if (raw != 0 && !beyond) {
+      rounds = 0;
+    } else if (++rounds >= rounds_needed || (beyond && rounds * 2 >= rounds_needed)) {
+      thresholds_.set_open(pixel);
+    }
+  }
+}
+
+void Background::refresh(const SensorView& view, float round_share) {
+  const auto tiles = static_cast<std::size_t>(
+      std::ceil(round_share * static_cast<float>(thresholds_.tile_count())));
+  thresholds_.refresh(view, leaves_, tiles);
+}
+
+double Background::known_share(const SensorView& view) const {
+  std::size_t known = 0;
+  for (std::size_t pixel = 0; pixel < view.pixel_count(); ++pixel) {
+    if (thresholds_.has_background(pixel) || thresholds_.is_open(pixel)) ++known;
+  }
+  return static_cast<double>(known) / static_cast<double>(view.pixel_count());
+}
+
+}  // namespace wagonsight

@@ -1,0 +1,184 @@
+#include "foreground/extractor.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace wagonsight {
+namespace {
+
+// Background is also kept this far outside of the inside, so that a wall or floor at its border is
+// known with its noise.
+constexpr double kMargin_m = 0.3;
+constexpr double kGatherPeriod_s = 0.1;
+// A pixel that sees farther than ever for so long, and finds nothing that stays, looks at somebody
+// who walks away.
+constexpr float kUnknownAge_s = 0.45F;
+constexpr float kAgeUnit_s = 0.02F;
+// Learning counts at least so many rounds, however fast the clock runs.
+constexpr std::uint32_t kRoundsMin = 5;
+
+}  // namespace
+
+Result<std::unique_ptr<ForegroundExtractor>> ForegroundExtractor::create(
+    const RigSensor& sensor, RayTable rays, const Wagon& wagon, const ForegroundOptions& options) {
+  const std::string name(sensor.name.view());
+  if (sensor.camera.width <= 0 || sensor.camera.height <= 0 ||
+      rays.size() != static_cast<std::size_t>(sensor.camera.width) *
+                         static_cast<std::size_t>(sensor.camera.height)) {
+    return fail(
+        fmt::format("sensor {}: {} rays for an image of {} x {}: pack the calibration again", name,
+                    rays.size(), sensor.camera.width, sensor.camera.height));
+  }
+  if (!(sensor.trim_near > 0 && sensor.trim_far > sensor.trim_near && sensor.trim_far < 30)) {
+    return fail(fmt::format("sensor {}: trim_m = [{}, {}]: give two distances, 0 < near < far < 30",
+                            name, sensor.trim_near, sensor.trim_far));
+  }
+  if (!(options.voxel_m >= 0.005 && options.voxel_m <= 0.5 && options.noise_sigmas > 0 &&
+        options.noise_sigmas <= 10 && options.blob_area_min_m2 >= 0)) {
+    return fail(
+        "foreground: voxel_m must be 0.005 to 0.5, noise_sigmas 0 to 10, "
+        "blob_area_min_m2 not negative");
+  }
+  const Eigen::Vector3d margin = Eigen::Vector3d::Constant(kMargin_m);
+  auto grid = LeafGrid::cover(wagon.inside.min - margin, wagon.inside.max + margin, options.leaf_m);
+  if (!grid) return fail(grid.error().message);
+  return std::unique_ptr<ForegroundExtractor>(
+      new ForegroundExtractor(sensor, rays, wagon, *grid, options));
+}
+
+ForegroundExtractor::ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
+                                         const LeafGrid& grid, const ForegroundOptions& options)
+    : options_(options),
+      view_(sensor, rays, wagon, grid, options.noise_sigmas),
+      background_(view_),
+      blobs_(view_, options.blob_area_min_m2, options.voxel_m),
+      foreground_((rays.size() + 63) / 64),
+      unknown_(foreground_.capacity()),
+      unknown_before_(foreground_.capacity()),
+      rejected_(foreground_.capacity()),
+      scratch_(foreground_.capacity()),
+      unknown_age_(rays.size()) {
+  for (auto* bits : {&foreground_, &unknown_, &unknown_before_, &rejected_, &scratch_}) {
+    bits->resize(bits->capacity());
+    std::fill(bits->begin(), bits->end(), std::uint64_t{0});
+  }
+  unknown_age_.resize(unknown_age_.capacity());
+  std::fill(unknown_age_.begin(), unknown_age_.end(), std::uint8_t{0});
+}
+
+void ForegroundExtractor::learn(DepthImage image, HostTime instant) {
+  if (gathered_any_ && std::abs(to_seconds(instant - last_gathered_)) < kGatherPeriod_s) return;
+  gathered_any_ = true;
+  last_gathered_ = instant;
+  background_.gather(view_, image);
+}
+
+void ForegroundExtractor::finish_learning() {
+  if (!gathered_any_) return;
+  background_.decide(view_);
+  gathered_any_ = false;
+  has_background_ = true;
+  learning_ = false;
+}
+
+void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground& out) {
+  WS_CHECK(image.width == view_.width() && image.height == view_.height(), "image of %d x %d",
+           image.width, image.height);
+  const float frame_s =
+      extracted_any_ ? static_cast<float>(to_seconds(instant - last_extracted_)) : 0.0F;
+  extracted_any_ = true;
+  last_extracted_ = instant;
+  const float round_share = background_.advance(instant);
+  out.background_known = has_background_;
+  if (!has_background_) {
+    background_.assume(view_, image);
+    has_background_ = true;
+  }
+  background_.thresholds().classify(view_, background_.leaves(), image, foreground_.span(),
+                                    unknown_.span());
+  drop_masked(image);
+  promote_lasting_unknown(frame_s);
+  drop_lonely();
+  blobs_.find(view_, image, foreground_.span(), unknown_.span(), rejected_.span(), out);
+
+  // Only what is no part of anybody is evidence for background.
+  for (std::size_t word = 0; word < unknown_.size(); ++word) unknown_[word] &= ~out.mask[word];
+  background_.observe_new(view_, image, unknown_.span(), rejected_.span());
+  background_.observe_free(view_, image, round_share);
+  const auto rounds_needed =
+      std::clamp(static_cast<int>(options_.learning_s / 0.25), static_cast<int>(kRoundsMin), 200);
+  background_.observe_empty(view_, image, round_share, rounds_needed);
+  background_.refresh(view_, round_share);
+  if (background_.rounds() >= static_cast<std::uint32_t>(rounds_needed)) learning_ = false;
+}
+
+void ForegroundExtractor::drop_masked(DepthImage image) {
+  if (!view_.has_masks()) return;
+  for (std::size_t word = 0; word < foreground_.size(); ++word) {
+    for (std::uint64_t rest = foreground_[word] | unknown_[word]; rest != 0; rest &= rest - 1) {
+      const auto place = static_cast<std::size_t>(std::countr_zero(rest));
+      const std::size_t pixel = word * 64 + place;
+      if (!view_.masked(view_.point_W(pixel, view_.depth().z(image.pixels[pixel])))) continue;
+      foreground_[word] &= ~(std::uint64_t{1} << place);
+      unknown_[word] &= ~(std::uint64_t{1} << place);
+    }
+  }
+}
+
+void ForegroundExtractor::promote_lasting_unknown(float frame_s) {
+  const int step = std::clamp(static_cast<int>(frame_s / kAgeUnit_s + 0.5F), 1, 255);
+  const int old = static_cast<int>(kUnknownAge_s / kAgeUnit_s);
+  for (std::size_t word = 0; word < unknown_.size(); ++word) {
+    for (std::uint64_t rest = unknown_before_[word] & ~unknown_[word]; rest != 0;
+         rest &= rest - 1) {
+      unknown_age_[word * 64 + static_cast<std::size_t>(std::countr_zero(rest))] = 0;
+    }
+    const std::uint64_t now = unknown_[word];
+    for (std::uint64_t rest = now; rest != 0; rest &= rest - 1) {
+      const auto place = static_cast<std::size_t>(std::countr_zero(rest));
+      std::uint8_t& age = unknown_age_[word * 64 + place];
+      const bool before = ((unknown_before_[word] >> place) & 1) != 0;
+      age = static_cast<std::uint8_t>(std::min(255, before ? age + step : 1));
+      if (age < old) continue;
+      foreground_[word] |= std::uint64_t{1} << place;
+      unknown_[word] &= ~(std::uint64_t{1} << place);
+    }
+    unknown_before_[word] = now;
+  }
+}
+
+// A pixel without a neighbour to its left or right, or none above or below, is a flying pixel.
+void ForegroundExtractor::drop_lonely() {
+  const auto width = static_cast<std::size_t>(view_.width());
+  const std::size_t words = foreground_.size();
+  const auto shifted = [&](std::size_t word, std::ptrdiff_t by) -> std::uint64_t {
+    // The 64 pixels that begin `by` pixels after the word's own.
+    const auto first = static_cast<std::ptrdiff_t>(word * 64) + by;
+    const auto base = first >= 0 ? first / 64 : -((-first + 63) / 64);
+    const auto offset = static_cast<unsigned>(first - base * 64);
+    const auto at = [&](std::ptrdiff_t index) {
+      return index < 0 || index >= static_cast<std::ptrdiff_t>(words)
+                 ? std::uint64_t{0}
+                 : foreground_[static_cast<std::size_t>(index)] |
+                       unknown_[static_cast<std::size_t>(index)];
+    };
+    const std::uint64_t low = at(base) >> offset;
+    return offset == 0 ? low : low | (at(base + 1) << (64 - offset));
+  };
+  const auto row = static_cast<std::ptrdiff_t>(width);
+  for (std::size_t word = 0; word < words; ++word) {
+    scratch_[word] = 0;
+    if (foreground_[word] == 0) continue;
+    const std::uint64_t across = shifted(word, -1) | shifted(word, 1);
+    const std::uint64_t along = shifted(word, -row) | shifted(word, row);
+    scratch_[word] = foreground_[word] & across & along;
+  }
+  std::swap(foreground_, scratch_);
+}
+
+}  // namespace wagonsight

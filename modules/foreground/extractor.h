@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/result.h"
+#include "base/time.h"
+#include "foreground/background.h"
+#include "foreground/blob_finder.h"
+#include "foreground/foreground.h"
+#include "foreground/sensor_view.h"
+#include "frame/image.h"
+#include "rig/ray_table.h"
+#include "rig/rig.h"
+#include "wagon/wagon.h"
+
+namespace wagonsight {
+
+// The user's choices; PipelineOptions has the same names.
+struct ForegroundOptions {
+  double leaf_m = 0.02;            // of the background octree, 0.01 to 0.10
+  double voxel_m = 0.02;           // of the foreground's voxel grid
+  double noise_sigmas = 3.0;       // a change must exceed this many sigmas
+  double blob_area_min_m2 = 0.01;  // smaller blobs are noise
+  double learning_s = 2.0;         // until a ray on which nothing comes back counts as empty
+};
+
+// Lines 4 to 12 of the paper's Algorithm 1 for one sensor: from its depth image to what moved in
+// it, against a background that it learns.
+//
+//   learn()* finish_learning()  or  load_background()       extract()*
+//          evidence is weighed, nothing is told   ------->  foreground is told; the background
+//          follows
+//
+// extract() may also be called first: the first frame is then taken for background until it is seen
+// through, so that whoever was there appears as soon as he moves. One thread at a time; allocates
+// in create(), save and load only.
+class ForegroundExtractor {
+ public:
+  // `rays` must outlive the extractor (one a pixel, X_WS known). The Error says what does not fit.
+  static Result<std::unique_ptr<ForegroundExtractor>> create(const RigSensor& sensor, RayTable rays,
+                                                             const Wagon& wagon,
+                                                             const ForegroundOptions& options);
+
+  // Evidence only. Frames closer than a tenth of a second to the last one are skipped.
+  void learn(DepthImage image, HostTime instant);
+  // Makes what was gathered the background; rays on which nothing was are then known to be empty.
+  void finish_learning();
+
+  // The foreground of one frame. `image` has the sensor's size; `out` was made for its pixels.
+  // Nothing is foreground in the very first frame when no background was learned.
+  void extract(DepthImage image, HostTime instant, Foreground& out);
+
+  // True until learning_s of frames were extracted, or a background was learned or loaded.
+  bool learning() const { return learning_; }
+  // Share of the pixels whose background is known, 0..1. Looks at every pixel.
+  double background_share() const { return background_.known_share(view_); }
+
+  // The background as bytes, little-endian. Loading says what does not fit: another leaf size, box
+  // or image size, or damage. Both allocate.
+  std::vector<std::byte> save_background() const;
+  Result<void> load_background(std::span<const std::byte> bytes);
+
+  const Background& background() const { return background_; }
+  const SensorView& view() const { return view_; }
+
+ private:
+  ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
+                      const LeafGrid& grid, const ForegroundOptions& options);
+  void promote_lasting_unknown(float frame_s);
+  void drop_masked(DepthImage image);
+  void drop_lonely();
+
+  ForegroundOptions options_;
+  SensorView view_;
+  Background background_;
+  BlobFinder blobs_;
+  BoundedVector<std::uint64_t> foreground_, unknown_, unknown_before_, rejected_, scratch_;
+  BoundedVector<std::uint8_t> unknown_age_;  // by pixel, in 20 ms
+  bool learning_ = true;
+  bool has_background_ = false;
+  bool gathered_any_ = false;
+  HostTime last_gathered_{}, last_extracted_{};
+  bool extracted_any_ = false;
+};
+
+}  // namespace wagonsight

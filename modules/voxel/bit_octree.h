@@ -1,0 +1,132 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "base/bounded_vector.h"
+#include "voxel/leaf_grid.h"
+
+// A set of leaves as a full octree of bits in fixed memory, and the comparison of two such sets.
+namespace wagonsight {
+
+// One bit a leaf. A brick is 8 x 8 x 8 leaves in 64 bytes, Morton order, so a node's eight children
+// are one byte and a 4 x 4 x 4 node is one word; a block word above has a bit for each of its
+// 4 x 4 x 4 bricks and tells a walk where to skip. Allocates in the constructor only: 64 bytes a
+// brick. Not thread-safe.
+class BitOctree {
+ public:
+  explicit BitOctree(const LeafGrid& grid);
+
+  const LeafGrid& grid() const { return grid_; }
+  std::size_t leaf_count() const { return leaf_count_; }
+
+  // True when the leaf was not there before.
+  bool insert(LeafAddress address) {
+    std::uint64_t& word = words_[address >> 6];
+    const std::uint64_t bit = std::uint64_t{1} << (address & 63);
+    if ((word & bit) != 0) return false;
+    word |= bit;
+    ++leaf_count_;
+    mark(address >> 9);
+    return true;
+  }
+  // True when the leaf was there.
+  bool erase(LeafAddress address);
+  bool contains(LeafAddress address) const {
+    return ((words_[address >> 6] >> (address & 63)) & 1) != 0;
+  }
+  // Clears touched bricks only.
+  void clear();
+
+  // The eight words of a brick.
+  std::span<const std::uint64_t, 8> brick(BrickAddress brick) const {
+    return std::span<const std::uint64_t, 8>(&words_[std::size_t{brick} * 8], 8);
+  }
+  bool brick_occupied(BrickAddress brick) const {
+    return ((blocks_[brick >> 6] >> (brick & 63)) & 1) != 0;
+  }
+  bool block_occupied(std::uint32_t block) const { return blocks_[block] != 0; }
+  // Every brick that has had a leaf since the last clear(), once each, in the order it got its
+  // first; a brick whose leaves were all erased stays until it is cleared.
+  std::span<const BrickAddress> touched() const { return touched_.span(); }
+  bool is_touched(BrickAddress brick) const {
+    return ((listed_[brick >> 6] >> (brick & 63)) & 1) != 0;
+  }
+
+  // Calls visit(address) for every leaf, brick by brick in the order of touched().
+  template <class Visit>
+  void visit(Visit&& visit) const {
+    for (const BrickAddress address : touched()) visit_brick(address, visit);
+  }
+  template <class Visit>
+  void visit_brick(BrickAddress address, Visit&& visit) const {
+    for (std::uint32_t i = 0; i < 8; ++i) {
+      visit_bits(words_[std::size_t{address} * 8 + i], address * 512 + i * 64, visit);
+    }
+  }
+  template <class Visit>
+  static void visit_bits(std::uint64_t word, LeafAddress first, Visit&& visit) {
+    for (; word != 0; word &= word - 1) {
+      visit(first + static_cast<std::uint32_t>(std::countr_zero(word)));
+    }
+  }
+
+ private:
+  void mark(BrickAddress brick);
+
+  LeafGrid grid_;
+  std::unique_ptr<std::uint64_t[]> words_;
+  std::unique_ptr<std::uint64_t[]> blocks_;  // a bit a brick: it has leaves
+  std::unique_ptr<std::uint64_t[]> listed_;  // a bit a brick: it is in touched_
+  BoundedVector<BrickAddress> touched_;
+  std::size_t leaf_count_ = 0;
+};
+
+// Kammerl's double-buffered octree (PCL's OctreePointCloudChangeDetector): the leaves of the
+// current cloud against those of the one before. XOR of words over bricks that either buffer
+// touched.
+class ChangeOctree {
+ public:
+  explicit ChangeOctree(const LeafGrid& grid) : buffers_{BitOctree(grid), BitOctree(grid)} {}
+
+  BitOctree& current() { return buffers_[current_]; }
+  const BitOctree& current() const { return buffers_[current_]; }
+  BitOctree& previous() { return buffers_[1 - current_]; }
+  const BitOctree& previous() const { return buffers_[1 - current_]; }
+  // The current cloud becomes the previous one; the new current one is empty.
+  void switch_buffers() {
+    current_ = 1 - current_;
+    buffers_[current_].clear();
+  }
+
+  // Calls changed(address) for every leaf that is in exactly one of the two sets.
+  template <class Changed>
+  void visit_changed(Changed&& changed) const {
+    visit_xor(current(), previous(), changed);
+  }
+  template <class Changed>
+  static void visit_xor(const BitOctree& a, const BitOctree& b, Changed&& changed) {
+    for (const BrickAddress brick : a.touched()) xor_brick(a, b, brick, changed);
+    for (const BrickAddress brick : b.touched()) {
+      if (!a.is_touched(brick)) xor_brick(a, b, brick, changed);
+    }
+  }
+
+ private:
+  template <class Changed>
+  static void xor_brick(const BitOctree& a, const BitOctree& b, BrickAddress brick,
+                        Changed&& changed) {
+    const auto words_a = a.brick(brick);
+    const auto words_b = b.brick(brick);
+    for (std::uint32_t i = 0; i < 8; ++i) {
+      BitOctree::visit_bits(words_a[i] ^ words_b[i], brick * 512 + i * 64, changed);
+    }
+  }
+
+  BitOctree buffers_[2];
+  std::size_t current_ = 0;
+};
+
+}  // namespace wagonsight

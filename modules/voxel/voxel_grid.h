@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "base/bounded_vector.h"
+
+namespace wagonsight {
+
+// The mean of the points that fell into one voxel, in the frame the points were given in.
+struct VoxelMean {
+  float x = 0, y = 0, z = 0;
+  std::uint32_t points = 0;
+};
+
+// Downsamples points to one mean a voxel. Voxel (i, j, k) is the half-open cube
+// [(i, j, k) * voxel_m, + voxel_m) counted from the frame's origin along its axes; a mean is the
+// arithmetic mean of its points' offsets from the voxel's corner, in the order they came, so
+// nothing is rounded to centres and large coordinates cost no precision. A generation-stamped
+// open-addressing hash: clear() costs nothing. Allocates in the constructor only. Not thread-safe.
+class VoxelGrid {
+ public:
+  // Holds up to `capacity` voxels at a time.
+  VoxelGrid(std::size_t capacity, double voxel_m);
+
+  // Forgets all voxels.
+  void clear();
+  // Adds a point (finite, within +-1,000,000 voxels of the origin). False when its voxel is new and
+  // there is no room for it.
+  bool add(float x, float y, float z);
+
+  std::size_t size() const { return voxels_.size(); }
+  // The voxels in the order in which they got their first point.
+  VoxelMean mean(std::size_t index) const;
+
+ private:
+  struct Voxel {
+    int i = 0, j = 0, k = 0;
+    float x = 0, y = 0, z = 0;  // sums of offsets from the voxel's corner, metres
+    std::uint32_t points = 0;
+  };
+  struct Slot {
+    std::uint32_t generation = 0;
+    std::uint32_t index = 0;
+  };
+
+  float voxel_m_;
+  float per_voxel_;
+  std::size_t slot_mask_;
+  std::unique_ptr<Slot[]> slots_;
+  BoundedVector<Voxel> voxels_;
+  std::uint32_t generation_ = 1;
+};
+
+}  // namespace wagonsight
