@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "base/time.h"
+#include "geometry/camera.h"
+#include "recording/little_endian.h"
+
+// The ROS 2 messages a recording is made of, in CDR (OMG DDS-RTPS 2.5, section 10: little-endian,
+// a 4-byte encapsulation header, primitives aligned to their size counted from behind it).
+// Encoders append one whole message to `out`; decoders give views into the bytes, or nothing where
+// the bytes are not such a message.
+namespace wagonsight {
+
+struct RosSchema {
+  std::string_view name;  // package/msg/Type
+  std::string_view text;  // ros2msg: the definition and those of all types it uses
+};
+
+const RosSchema& image_schema();
+const RosSchema& camera_info_schema();
+const RosSchema& frame_info_schema();
+
+// sensor_msgs/msg/Image. `data` is encoded apart: it follows the encoded header directly.
+struct ImageMessage {
+  HostTime stamp{};  // when the light was taken
+  std::string_view frame_id;
+  std::uint32_t width = 0, height = 0;
+  std::string_view encoding;  // 16UC1, mono8, mono16, rgb8
+  bool is_big_endian = false;
+  std::uint32_t step = 0;  // bytes a row
+  std::span<const std::byte> data;
+};
+
+// All of the message but the pixels themselves.
+void encode_image_header(const ImageMessage& image, ByteWriter& out);
+std::optional<ImageMessage> decode_image(std::span<const std::byte> message);
+
+// sensor_msgs/msg/CameraInfo with the model plumb_bob. For the right imager of a rectified pair
+// `baseline` (metres) is positive and P[3] = -fx * baseline.
+struct CameraInfoMessage {
+  HostTime stamp{};
+  std::string_view frame_id;
+  Camera camera;
+  double baseline = 0;
+};
+
+void encode_camera_info(const CameraInfoMessage& info, ByteWriter& out);
+// Models with more than five coefficients whose further ones are not zero are nothing.
+std::optional<CameraInfoMessage> decode_camera_info(std::span<const std::byte> message);
+
+// wagonsight_msgs/msg/FrameInfo: what a FrameSlot knows beyond its pixels.
+struct FrameInfoMessage {
+  HostTime instant{};
+  std::string_view sensor;
+  HostTime arrival{};
+  std::uint64_t device_ticks = 0;
+  std::uint32_t sequence = 0;
+  bool damaged = false;
+};
+
+void encode_frame_info(const FrameInfoMessage& info, ByteWriter& out);
+std::optional<FrameInfoMessage> decode_frame_info(std::span<const std::byte> message);
+
+}  // namespace wagonsight
