@@ -23,7 +23,9 @@ class ByteWriter {
     raw(std::as_bytes(std::span(&value, 1)));
   }
   void raw(std::span<const std::byte> bytes) {
-    buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
+    const std::size_t at = buffer_.size();
+    buffer_.resize(at + bytes.size());
+    if (!bytes.empty()) std::memcpy(buffer_.data() + at, bytes.data(), bytes.size());
   }
   void text(std::string_view value) {
     number(static_cast<std::uint32_t>(value.size()));

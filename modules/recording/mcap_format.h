@@ -58,13 +58,13 @@ struct McapMessage {
   std::uint32_t sequence = 0;
   std::uint64_t log_time = 0;
   std::uint64_t publish_time = 0;
-  std::span<const std::byte> data;
+  std::span<const std::byte> data{};
 };
 
 struct McapAttachment {
   std::string name, media_type;
   std::uint64_t log_time = 0, create_time = 0;
-  std::span<const std::byte> data;
+  std::span<const std::byte> data{};
 };
 
 struct McapMetadata {

@@ -253,8 +253,8 @@ Result<void> McapCursor::open_segment() {
   }
   std::size_t at = 0;
   const auto record = read_record(bytes, at);
-  const auto chunk = record && record->opcode == McapOpcode::kChunk ? decode_chunk(record->content)
-                                                                     : std::nullopt;
+  const auto chunk =
+      record && record->opcode == McapOpcode::kChunk ? decode_chunk(record->content) : std::nullopt;
   std::string trouble = "is damaged (there is no chunk where one should be)";
   if (chunk) {
     auto records = unpack_chunk(*chunk, buffer_);

@@ -66,7 +66,7 @@ class McapReader {
   std::vector<McapChannel> channels_;
   std::vector<McapMetadata> metadata_;
   std::vector<McapSegment> segments_;
-  std::vector<McapAttachment> attachments_;     // views into the file
+  std::vector<McapAttachment> attachments_;  // views into the file
   std::vector<bool> attachment_is_sound_;
   std::vector<std::byte> buffer_;  // scan only
 };

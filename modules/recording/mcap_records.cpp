@@ -38,8 +38,8 @@ bool unpack_lz4(std::span<const std::byte> packed, std::span<std::byte> out) {
   while (!out.empty() && !packed.empty()) {
     std::size_t out_size = out.size();
     std::size_t packed_size = packed.size();
-    const std::size_t hint = LZ4F_decompress(context.get(), out.data(), &out_size, packed.data(),
-                                             &packed_size, nullptr);
+    const std::size_t hint =
+        LZ4F_decompress(context.get(), out.data(), &out_size, packed.data(), &packed_size, nullptr);
     if (LZ4F_isError(hint) != 0U || (out_size == 0 && packed_size == 0)) return false;
     out = out.subspan(out_size);
     packed = packed.subspan(packed_size);
@@ -153,8 +153,9 @@ Result<std::span<const std::byte>> unpack_chunk(const McapChunk& chunk,
     } else if (chunk.compression == "lz4") {
       if (!unpack_lz4(chunk.records, out)) return fail("is damaged (lz4 cannot unpack it)");
     } else {
-      return fail(fmt::format("is compressed with \"{}\", which is not known here (zstd and lz4 are)",
-                              chunk.compression));
+      return fail(
+          fmt::format("is compressed with \"{}\", which is not known here (zstd and lz4 are)",
+                      chunk.compression));
     }
     records = out;
   } else if (records.size() != size) {

@@ -80,8 +80,8 @@ Result<void> RecordingReader::take_blob() {
   blob_.assign((*attachment)->data.begin(), (*attachment)->data.end());
   auto opened = open_blob(blob_);
   if (!opened)
-    return fail(fmt::format("holds a calibration blob that cannot be used: {}",
-                            opened.error().message));
+    return fail(
+        fmt::format("holds a calibration blob that cannot be used: {}", opened.error().message));
   rig_ = opened->rig;
   rays_ = opened->rays;
   return {};
@@ -156,8 +156,8 @@ Result<void> RecordingReader::take_foreign_channels() {
     });
     const bool is_usable = camera != topics.end() && camera->camera.width > 0 &&
                            camera->camera.height > 0 &&
-                           static_cast<std::size_t>(camera->camera.width) <= kImagePixelsMax /
-                               static_cast<std::size_t>(camera->camera.height);
+                           static_cast<std::size_t>(camera->camera.width) <=
+                               kImagePixelsMax / static_cast<std::size_t>(camera->camera.height);
     if (is_usable && !rig_.sensors.full()) add_foreign_sensor(*image.channel, camera->camera);
   }
   if (rig_.sensors.empty())
@@ -192,8 +192,8 @@ void RecordingReader::rewind() {
 
 void RecordingReader::seek(HostTime time) {
   rewind();
-  const auto ns = static_cast<std::uint64_t>(std::max<std::int64_t>(
-      0, time.time_since_epoch().count()));
+  const auto ns =
+      static_cast<std::uint64_t>(std::max<std::int64_t>(0, time.time_since_epoch().count()));
   for (std::size_t i = 0; i < mcap_.segments().size(); ++i) {
     const McapSegment& segment = mcap_.segments()[i];
     if (segment.is_chunk && segment.end_time < ns) continue;
@@ -212,17 +212,18 @@ Result<void> RecordingReader::take_image(const McapMessage& message, const Chann
                             sensor.name.view()));
   const auto format = format_of(image->encoding, sensor.kind);
   if (!format)
-    return fail(fmt::format("has a frame of sensor {} in the encoding \"{}\"; known are 16UC1 for "
-                            "depth, mono8 and mono16 for stereo",
-                            sensor.name.view(), image->encoding));
+    return fail(
+        fmt::format("has a frame of sensor {} in the encoding \"{}\"; known are 16UC1 for "
+                    "depth, mono8 and mono16 for stereo",
+                    sensor.name.view(), image->encoding));
   const Camera& camera = sensor.camera;
   const std::size_t row_bytes = std::size_t{image->width} * bytes_per_pixel(*format);
   if (image->width != static_cast<std::uint32_t>(camera.width) ||
       image->height != static_cast<std::uint32_t>(camera.height) || image->step < row_bytes)
-    return fail(fmt::format("has a frame of sensor {} of {} x {} pixels where its camera has {} x "
-                            "{}",
-                            sensor.name.view(), image->width, image->height, camera.width,
-                            camera.height));
+    return fail(
+        fmt::format("has a frame of sensor {} of {} x {} pixels where its camera has {} x "
+                    "{}",
+                    sensor.name.view(), image->width, image->height, camera.width, camera.height));
   const std::size_t image_bytes = row_bytes * image->height;
   const std::size_t at = role.role == Role::kSecond ? image_bytes : 0;
   if (at + image_bytes > slot.bytes.size())

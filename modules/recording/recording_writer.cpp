@@ -111,11 +111,11 @@ Result<RecordingWriter::Stream> RecordingWriter::add_stream(const RigSensor& sen
 Result<void> RecordingWriter::add_sensor(const RigSensor& sensor, const SchemaIds& schemas) {
   const std::string name(sensor.name.view());
   SensorChannels channels;
-  const auto info = mcap_->add_channel(schemas.frame_info, "/" + topic_part(name) + "/frame_info",
-                                       "cdr",
-                                       {{"offered_qos_profiles", ""},
-                                        {std::string(kSensorKey), name},
-                                        {std::string(kStreamKey), "info"}});
+  const auto info =
+      mcap_->add_channel(schemas.frame_info, "/" + topic_part(name) + "/frame_info", "cdr",
+                         {{"offered_qos_profiles", ""},
+                          {std::string(kSensorKey), name},
+                          {std::string(kStreamKey), "info"}});
   if (!info) return tl::unexpected(info.error());
   channels.frame_info = *info;
   const bool is_stereo = sensor.kind == SensorKind::kStereo;
@@ -135,13 +135,13 @@ void RecordingWriter::write_image(const FrameSlot& slot, std::size_t image_index
                                   McapMessage message) {
   const RigSensor& sensor = rig_.sensors[slot.sensor_index];
   const Stream& stream = sensors_[slot.sensor_index].streams[image_index];
-  ImageMessage image{.stamp = slot.instant,
-                     .frame_id = sensor.name.view(),
-                     .width = static_cast<std::uint32_t>(slot.width),
-                     .height = static_cast<std::uint32_t>(slot.height),
-                     .encoding = encoding_of(slot.format),
-                     .data = slot.bytes.subspan(image_index * slot.image_bytes(),
-                                                slot.image_bytes())};
+  ImageMessage image{
+      .stamp = slot.instant,
+      .frame_id = sensor.name.view(),
+      .width = static_cast<std::uint32_t>(slot.width),
+      .height = static_cast<std::uint32_t>(slot.height),
+      .encoding = encoding_of(slot.format),
+      .data = slot.bytes.subspan(image_index * slot.image_bytes(), slot.image_bytes())};
   image.step = static_cast<std::uint32_t>(static_cast<std::size_t>(slot.width) *
                                           bytes_per_pixel(slot.format));
   scratch_.clear();

@@ -8,18 +8,18 @@ namespace wagonsight {
 namespace {
 
 // The separator between definitions is 80 equals signs (MCAP registry, ros2msg).
-#define WS_SEPARATOR                                                                   \
-  "========================================" /* forty */                              \
+#define WS_SEPARATOR                                     \
+  "========================================" /* forty */ \
   "========================================\n"
 
 // What std_msgs/Header brings along, as every message here begins with one.
-#define WS_HEADER_TYPES               \
-  WS_SEPARATOR                        \
-  "MSG: std_msgs/Header\n"            \
-  "builtin_interfaces/Time stamp\n"   \
-  "string frame_id\n" WS_SEPARATOR    \
-  "MSG: builtin_interfaces/Time\n"    \
-  "int32 sec\n"                       \
+#define WS_HEADER_TYPES             \
+  WS_SEPARATOR                      \
+  "MSG: std_msgs/Header\n"          \
+  "builtin_interfaces/Time stamp\n" \
+  "string frame_id\n" WS_SEPARATOR  \
+  "MSG: builtin_interfaces/Time\n"  \
+  "int32 sec\n"                     \
   "uint32 nanosec\n"
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
@@ -137,11 +137,11 @@ void encode_camera_info(const CameraInfoMessage& info, ByteWriter& out) {
   for (const double d : c.distortion) cdr.number(d);
   for (const double k : {c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0}) cdr.number(k);
   for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) cdr.number(r);
-  for (const double p : {c.fx, 0.0, c.cx, -c.fx * info.baseline, 0.0, c.fy, c.cy, 0.0, 0.0, 0.0,
-                         1.0, 0.0})
+  for (const double p :
+       {c.fx, 0.0, c.cx, -c.fx * info.baseline, 0.0, c.fy, c.cy, 0.0, 0.0, 0.0, 1.0, 0.0})
     cdr.number(p);
-  cdr.number(std::uint32_t{0});  // binning_x
-  cdr.number(std::uint32_t{0});  // binning_y
+  cdr.number(std::uint32_t{0});                              // binning_x
+  cdr.number(std::uint32_t{0});                              // binning_y
   for (int i = 0; i < 4; ++i) cdr.number(std::uint32_t{0});  // roi: the whole image
   cdr.number(std::uint8_t{0});                               // roi.do_rectify
 }
@@ -169,6 +169,9 @@ std::optional<CameraInfoMessage> decode_camera_info(std::span<const std::byte> m
   for (double& value : k) value = cdr.number<double>();
   for (double& value : r) value = cdr.number<double>();
   for (double& value : p) value = cdr.number<double>();
+  constexpr int kBinningAndRoi = 6;
+  for (int i = 0; i < kBinningAndRoi; ++i) cdr.number<std::uint32_t>();
+  cdr.number<std::uint8_t>();  // roi.do_rectify
   if (!cdr.ok()) return std::nullopt;
   info.camera.fx = k[0];
   info.camera.cx = k[2];

@@ -28,12 +28,12 @@ const RosSchema& frame_info_schema();
 // sensor_msgs/msg/Image. `data` is encoded apart: it follows the encoded header directly.
 struct ImageMessage {
   HostTime stamp{};  // when the light was taken
-  std::string_view frame_id;
+  std::string_view frame_id{};
   std::uint32_t width = 0, height = 0;
-  std::string_view encoding;  // 16UC1, mono8, mono16, rgb8
+  std::string_view encoding{};  // 16UC1, mono8, mono16, rgb8
   bool is_big_endian = false;
   std::uint32_t step = 0;  // bytes a row
-  std::span<const std::byte> data;
+  std::span<const std::byte> data{};
 };
 
 // All of the message but the pixels themselves.
@@ -44,8 +44,8 @@ std::optional<ImageMessage> decode_image(std::span<const std::byte> message);
 // `baseline` (metres) is positive and P[3] = -fx * baseline.
 struct CameraInfoMessage {
   HostTime stamp{};
-  std::string_view frame_id;
-  Camera camera;
+  std::string_view frame_id{};
+  Camera camera{};
   double baseline = 0;
 };
 
@@ -56,7 +56,7 @@ std::optional<CameraInfoMessage> decode_camera_info(std::span<const std::byte> m
 // wagonsight_msgs/msg/FrameInfo: what a FrameSlot knows beyond its pixels.
 struct FrameInfoMessage {
   HostTime instant{};
-  std::string_view sensor;
+  std::string_view sensor{};
   HostTime arrival{};
   std::uint64_t device_ticks = 0;
   std::uint32_t sequence = 0;

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+#include "base/result.h"
+
+// The operator's tool: one file a command. Each add_* declares its options and leaves in `run` what
+// is to be done when its command was chosen.
+namespace wagonsight {
+
+struct CommandLine {
+  CLI::App app;
+  std::function<Result<void>()> run;
+};
+
+void add_import(CommandLine& line);
+
+}  // namespace wagonsight

@@ -1,0 +1,75 @@
+#include "recording/ros_messages.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <vector>
+
+namespace wagonsight {
+namespace {
+
+RC_GTEST_PROP(FrameInfoMessage, ComesBackAsItWas, ()) {
+  FrameInfoMessage info;
+  // builtin_interfaces/Time holds 32-bit seconds.
+  const auto limit = std::int64_t{2'000'000'000} * 1'000'000'000;
+  info.instant = HostTime{Duration{*rc::gen::inRange<std::int64_t>(-limit, limit)}};
+  info.arrival = HostTime{Duration{*rc::gen::inRange<std::int64_t>(-limit, limit)}};
+  const auto name = *rc::gen::container<std::string>(rc::gen::inRange('a', 'z'));
+  info.sensor = name;
+  info.device_ticks = *rc::gen::arbitrary<std::uint64_t>();
+  info.sequence = *rc::gen::arbitrary<std::uint32_t>();
+  info.damaged = *rc::gen::arbitrary<bool>();
+  ByteWriter out;
+  encode_frame_info(info, out);
+  const auto back = decode_frame_info(out.bytes());
+  RC_ASSERT(back.has_value());
+  RC_ASSERT(back->instant == info.instant);
+  RC_ASSERT(back->arrival == info.arrival);
+  RC_ASSERT(back->sensor == info.sensor);
+  RC_ASSERT(back->device_ticks == info.device_ticks);
+  RC_ASSERT(back->sequence == info.sequence);
+  RC_ASSERT(back->damaged == info.damaged);
+}
+
+TEST(CameraInfoMessage, ComesBackAsItWas) {
+  CameraInfoMessage info;
+  info.frame_id = "k0";
+  info.stamp = HostTime{Duration{-1}};
+  info.camera = {.width = 640, .height = 480, .fx = 580.5, .fy = 581.25, .cx = 319.5, .cy = 239.5};
+  info.camera.distortion = {0.1, -0.2, 0.003, -0.004, 0.05};
+  info.baseline = 0.25;
+  ByteWriter out;
+  encode_camera_info(info, out);
+  const auto back = decode_camera_info(out.bytes());
+  ASSERT_TRUE(back.has_value());
+  EXPECT_EQ(back->stamp, info.stamp);
+  EXPECT_EQ(back->frame_id, "k0");
+  EXPECT_EQ(back->camera.width, 640);
+  EXPECT_EQ(back->camera.height, 480);
+  EXPECT_EQ(back->camera.fx, 580.5);
+  EXPECT_EQ(back->camera.cy, 239.5);
+  EXPECT_EQ(back->camera.distortion, info.camera.distortion);
+  EXPECT_EQ(back->baseline, 0.25);
+}
+
+TEST(RosMessages, CutAnywhereAreNothing) {
+  ByteWriter out;
+  encode_camera_info({.camera = {.width = 4, .height = 4, .fx = 4, .fy = 4, .cx = 2, .cy = 2}},
+                     out);
+  for (std::size_t size = 0; size < out.size(); ++size)
+    EXPECT_FALSE(decode_camera_info(out.bytes().first(size)).has_value()) << size;
+}
+
+TEST(ImageMessage, WhosePixelsAreFewerThanItsSizeIsNothing) {
+  const std::vector<std::byte> pixels(6);
+  const ImageMessage image{.width = 2, .height = 2, .encoding = "16UC1", .step = 4, .data = pixels};
+  ByteWriter out;
+  encode_image_header(image, out);
+  out.raw(pixels);
+  EXPECT_FALSE(decode_image(out.bytes()).has_value());
+}
+
+}  // namespace
+}  // namespace wagonsight
