@@ -53,6 +53,7 @@ endfunction()
 
 # wagonsight_test(NAME SOURCES ... DEPENDS ... LINKS ...): one GoogleTest program, found by CTest.
 # LABELS threaded marks what the thread sanitizer run repeats.
+add_custom_target(threaded_tests)
 function(wagonsight_test name)
   cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
@@ -62,6 +63,9 @@ function(wagonsight_test name)
   set(labels unit)
   if(arg_LABELS)
     set(labels ${arg_LABELS})
+  endif()
+  if("threaded" IN_LIST labels)
+    add_dependencies(threaded_tests ${name})
   endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${labels} TIMEOUT 300)
 endfunction()
@@ -77,6 +81,7 @@ endfunction()
 # built with tests/fuzz/replay_main.cpp, which feeds it the seeds of corpus/NAME (beside its
 # CMakeLists.txt, when there are any) and a fixed number of repeatable mutations of them, so that a
 # target cannot rot.
+add_custom_target(fuzz_targets)
 function(wagonsight_fuzz name)
   cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
@@ -98,5 +103,6 @@ function(wagonsight_fuzz name)
     target_sources(${name} PRIVATE "${PROJECT_SOURCE_DIR}/tests/fuzz/replay_main.cpp")
     add_test(NAME fuzz.${name} COMMAND ${name} ${corpus})
   endif()
+  add_dependencies(fuzz_targets ${name})
   set_tests_properties(fuzz.${name} PROPERTIES LABELS fuzz TIMEOUT 300)
 endfunction()
