@@ -29,6 +29,9 @@ class FixedString {
   friend constexpr bool operator==(const FixedString& a, std::string_view b) {
     return a.view() == b;
   }
+  friend constexpr bool operator==(const FixedString& a, const char* b) {
+    return a.view() == std::string_view(b);
+  }
   friend constexpr bool operator==(const FixedString& a, const FixedString& b) {
     return a.view() == b.view();
   }

@@ -1,0 +1,223 @@
+#include "settings/settings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <sstream>
+
+#include "base/capacities.h"
+#include "settings/table_reader.h"
+#include "settings/wagon_settings.h"
+
+namespace wagonsight {
+namespace {
+
+constexpr std::size_t kTextBytesMax = 1 << 20;  // a settings file has a few kilobytes
+constexpr std::size_t kPathBytesMax = 1000;
+constexpr std::size_t kTokenBytesMin = 16, kTokenBytesMax = 128;
+
+// Relative paths start at the folder of the settings file.
+std::string resolved(const std::string& path, std::string_view file_name) {
+  const std::size_t slash = file_name.rfind('/');
+  if (path.empty() || path.front() == '/' || slash == std::string_view::npos) return path;
+  return std::string(file_name.substr(0, slash + 1)) + path;
+}
+
+void read_unit(const toml::table& table, Mistakes& mistakes, UnitSettings& unit) {
+  TableReader reader(table, "unit", mistakes);
+  std::string name;
+  if (reader.text("name", name, Name::capacity())) unit.name.assign(name);
+  reader.finish();
+}
+
+void read_pipeline(const toml::table& table, Mistakes& mistakes, PipelineSettings& pipeline) {
+  TableReader reader(table, "pipeline", mistakes);
+  reader.number("leaf_m", pipeline.leaf_m, 0.01, 0.10);
+  reader.number("voxel_m", pipeline.voxel_m, 0.005, 0.20);
+  reader.number("noise_sigmas", pipeline.noise_sigmas, 1, 10);
+  reader.number("blob_area_min_m2", pipeline.blob_area_min_m2, 0, 1);
+  reader.number("learning_s", pipeline.learning_s, 0, 3600);
+  reader.number("fps_expected", pipeline.fps_expected, 0.1, 120);
+  reader.boolean("compensate_skew", pipeline.compensate_skew);
+  reader.finish();
+}
+
+SensorSettings read_sensor(TableReader& reader, std::string_view file_name) {
+  SensorSettings sensor;
+  reader.require("name", "every sensor has the name that it has in the calibration blob");
+  std::string name;
+  if (reader.text("name", name, Name::capacity())) sensor.name.assign(name);
+  reader.choice("kind", sensor.kind, {"kinect", "stereo"});
+  reader.require("source", "must be \"recording\" or \"simulated\"");
+  std::string source;
+  reader.choice("source", source, {"recording", "simulated"});
+  sensor.source = source == "simulated" ? SensorSource::kSimulated : SensorSource::kRecording;
+  reader.text("file", sensor.file, kPathBytesMax);
+  if (source == "recording") reader.require("file", "a recorded sensor needs its recording");
+  if (source == "simulated" && reader.has("file"))
+    reader.refuse("file", "a simulated sensor has no recording");
+  sensor.file = resolved(sensor.file, file_name);
+  std::array<double, 2> trim{};
+  if (reader.numbers("trim_m", trim, 0, 65.535)) {
+    if (trim[0] < trim[1])
+      sensor.trim_m = trim;
+    else
+      reader.refuse("trim_m", "must be [near, far] with near below far");
+  }
+  reader.finish();
+  return sensor;
+}
+
+void read_sensors(TableReader& root, std::string_view file_name, Mistakes& mistakes,
+                  std::vector<SensorSettings>& sensors) {
+  for (const toml::table* table : root.tables("sensor")) {
+    TableReader reader(*table, fmt::format("sensor {}", sensors.size() + 1), mistakes);
+    SensorSettings sensor = read_sensor(reader, file_name);
+    const auto same_name = [&](const SensorSettings& other) { return other.name == sensor.name; };
+    if (!sensor.name.empty() && std::any_of(sensors.begin(), sensors.end(), same_name))
+      reader.refuse("name", "another sensor has this name");
+    if (sensors.size() == kSensorsMax)
+      reader.refuse("name", fmt::format("there can be at most {} sensors", kSensorsMax));
+    sensors.push_back(std::move(sensor));
+  }
+}
+
+void read_rig(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
+              RigSettings& rig) {
+  TableReader reader(table, "rig", mistakes);
+  reader.text("blob", rig.blob, kPathBytesMax);
+  rig.blob = resolved(rig.blob, file_name);
+  reader.finish();
+}
+
+bool is_ipv4(std::string_view text) {
+  int parts = 0;
+  while (true) {
+    const std::string_view part = text.substr(0, text.find('.'));
+    const bool digits =
+        !part.empty() && part.size() <= 3 &&
+        std::all_of(part.begin(), part.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+    if (!digits || std::stoi(std::string(part)) > 255) return false;
+    ++parts;
+    if (part.size() == text.size()) return parts == 4;
+    text.remove_prefix(part.size() + 1);
+  }
+}
+
+// Whether it can be one: what is left is the server's to say when it binds.
+bool looks_like_ipv6(std::string_view text) {
+  return text.size() <= 45 && std::count(text.begin(), text.end(), ':') >= 2 &&
+         std::all_of(text.begin(), text.end(),
+                     [](unsigned char c) { return std::isxdigit(c) != 0 || c == ':' || c == '.'; });
+}
+
+void read_web(const toml::table& table, Mistakes& mistakes, WebSettings& web) {
+  TableReader reader(table, "web", mistakes);
+  if (reader.text("host", web.host, 64) && !is_ipv4(web.host) && !looks_like_ipv6(web.host))
+    reader.refuse("host", "must be a numeric address, such as 127.0.0.1 or 0.0.0.0");
+  std::int64_t port = web.port;
+  if (reader.integer("port", port, 0, 65'535)) web.port = static_cast<std::uint16_t>(port);
+  reader.texts("host_names", web.host_names, 8, Name::capacity());
+  reader.boolean("trusted_network", web.trusted_network);
+  if (const toml::table* tokens = reader.table("tokens")) {
+    TableReader secrets(*tokens, "web.tokens", mistakes);
+    secrets.secret("read", web.read_token, kTokenBytesMin, kTokenBytesMax);
+    secrets.secret("admin", web.admin_token, kTokenBytesMin, kTokenBytesMax);
+    if (!web.read_token.empty() && web.read_token == web.admin_token)
+      secrets.refuse_secret("admin", "must differ from the read token");
+    secrets.finish();
+  }
+  reader.finish();
+}
+
+void read_recording(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
+                    RecordingSettings& recording) {
+  TableReader reader(table, "recording", mistakes);
+  reader.text("directory", recording.directory, kPathBytesMax);
+  recording.directory = resolved(recording.directory, file_name);
+  reader.number("limit_gb", recording.limit_gb, 0.1, 10'000);
+  reader.finish();
+}
+
+void read_demo(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
+               DemoSettings& demo) {
+  TableReader reader(table, "demo", mistakes);
+  reader.require("scene", "the simulated wagon is described by a scene");
+  reader.text("scene", demo.scene, kPathBytesMax);
+  demo.scene = resolved(demo.scene, file_name);
+  std::int64_t seed = 1;
+  if (reader.integer("seed", seed, 0, INT64_MAX)) demo.seed = static_cast<std::uint64_t>(seed);
+  reader.number("speed", demo.speed, 0.01, 100);
+  reader.finish();
+}
+
+// Rules that bind several sections.
+void check_together(TableReader& root, const Settings& settings) {
+  const auto is_simulated = [](const SensorSettings& s) {
+    return s.source == SensorSource::kSimulated;
+  };
+  const bool simulated =
+      std::any_of(settings.sensors.begin(), settings.sensors.end(), is_simulated);
+  if (simulated && !root.has("demo"))
+    root.refuse_secret("sensor", "a simulated sensor needs a [demo] section with a scene");
+}
+
+Settings read_all(const toml::table& file, std::string_view file_name, Mistakes& mistakes) {
+  Settings settings;
+  TableReader root(file, "", mistakes);
+  if (const auto* unit = root.table("unit")) read_unit(*unit, mistakes, settings.unit);
+  if (const auto* pipeline = root.table("pipeline"))
+    read_pipeline(*pipeline, mistakes, settings.pipeline);
+  settings.wagon = read_wagon(root, mistakes);
+  read_sensors(root, file_name, mistakes, settings.sensors);
+  if (const auto* rig = root.table("rig")) read_rig(*rig, file_name, mistakes, settings.rig);
+  if (const auto* web = root.table("web")) read_web(*web, mistakes, settings.web);
+  if (const auto* recording = root.table("recording"))
+    read_recording(*recording, file_name, mistakes, settings.recording);
+  if (const auto* demo = root.table("demo")) read_demo(*demo, file_name, mistakes, settings.demo);
+  check_together(root, settings);
+  root.finish();
+  return settings;
+}
+
+}  // namespace
+
+bool WebSettings::on_loopback() const {
+  return host.starts_with("127.") || host == "::1";
+}
+
+Result<Settings> parse_settings(std::string_view text, std::string_view file_name) {
+  if (text.size() > kTextBytesMax)
+    return fail(fmt::format("{}: {} bytes are more than the {} of any settings file", file_name,
+                            text.size(), kTextBytesMax));
+  const toml::parse_result file = toml::parse(text, file_name);
+  Mistakes mistakes(file_name);
+  if (!file) {
+    mistakes.add(file.error().source(), "not TOML", file.error().description());
+    return fail(mistakes.text());
+  }
+  Settings settings = read_all(file.table(), file_name, mistakes);
+  if (!mistakes.empty()) return fail(mistakes.text());
+  return settings;
+}
+
+std::string without_secrets(std::string_view text) {
+  if (text.size() > kTextBytesMax) return {};
+  toml::parse_result file = toml::parse(text);
+  if (!file) return {};
+  toml::table& table = file.table();
+  if (toml::table* web = table["web"].as_table()) {
+    // Whatever stands there, of whatever form, is a secret.
+    if (toml::table* tokens = (*web)["tokens"].as_table()) {
+      for (auto&& [key, node] : *tokens) tokens->insert_or_assign(key, "(removed)");
+    } else if (web->contains("tokens")) {
+      web->insert_or_assign("tokens", "(removed)");
+    }
+  }
+  std::ostringstream out;
+  out << toml::toml_formatter(table);
+  return out.str();
+}
+
+}  // namespace wagonsight

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/fixed_string.h"
+#include "base/result.h"
+#include "wagon/wagon.h"
+
+// What a person decides about a unit, as one TOML file. config/wagonsight.toml is the commented
+// reference. Degrees in the file, radians here; everything else as in the file.
+namespace wagonsight {
+
+struct UnitSettings {
+  Name name = "wagon";  // of the unit or its wagon, shown on the page
+};
+
+// As PipelineOptions, whose names these are.
+struct PipelineSettings {
+  double leaf_m = 0.02;
+  double voxel_m = 0.02;
+  double noise_sigmas = 3.0;
+  double blob_area_min_m2 = 0.01;
+  double learning_s = 2.0;
+  double fps_expected = 30.0;
+  bool compensate_skew = true;
+};
+
+enum class SensorSource : std::uint8_t { kRecording, kSimulated };
+
+struct SensorSettings {
+  Name name;                    // as in the calibration blob
+  std::string kind = "kinect";  // or "stereo"
+  SensorSource source = SensorSource::kRecording;
+  std::string file;                             // of the recording; empty when simulated
+  std::optional<std::array<double, 2>> trim_m;  // near, far; instead of the blob's
+};
+
+struct RigSettings {
+  std::string blob;  // the calibration blob; empty: none
+};
+
+struct WebSettings {
+  std::string host = "127.0.0.1";  // a numeric address to listen on
+  std::uint16_t port = 8080;
+  std::vector<std::string> host_names;  // the unit is called by, besides numeric addresses
+  std::string read_token, admin_token;  // empty: none
+  bool trusted_network = false;         // tokens may cross it without TLS
+
+  bool on_loopback() const;
+};
+
+struct RecordingSettings {
+  std::string directory;  // of the recordings that the unit makes; empty: it makes none
+  double limit_gb = 8;    // the oldest goes when they are more
+};
+
+struct DemoSettings {
+  std::string scene;  // of the simulated wagon; empty: no sensor is simulated
+  std::uint64_t seed = 1;
+  double speed = 1.0;  // simulated seconds a second
+};
+
+struct Settings {
+  UnitSettings unit;
+  PipelineSettings pipeline;
+  std::optional<Wagon> wagon;           // nothing: taken from the scene, or found in the recording
+  std::vector<SensorSettings> sensors;  // none, but a scene: all of the scene's, simulated
+  RigSettings rig;
+  WebSettings web;
+  RecordingSettings recording;
+  DemoSettings demo;
+};
+
+// Reads settings. `file_name` is for the messages and for relative paths, which start at the file's
+// folder. The Error lists every mistake, one line each:
+//     FILE:LINE: KEY = VALUE: RULE
+// Unknown keys are mistakes, too, and get the nearest key that there is. Allocates.
+Result<Settings> parse_settings(std::string_view text, std::string_view file_name);
+
+// The same settings as text for a diagnosis, every secret replaced by "(removed)"; comments are
+// lost. Empty when the text is not TOML.
+std::string without_secrets(std::string_view text);
+
+}  // namespace wagonsight
