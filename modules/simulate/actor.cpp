@@ -15,7 +15,9 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kSeatApproach = 0.45;  // in front of a seat's middle one turns and sits down
 constexpr double kSeatBack = 0.08;      // the pelvis comes to rest this far behind the middle
 
-Vector2d direction_of(double yaw) { return {std::cos(yaw), std::sin(yaw)}; }
+Vector2d direction_of(double yaw) {
+  return {std::cos(yaw), std::sin(yaw)};
+}
 
 Vector2d before_seat(const SceneSeat& seat) {
   return seat.position + kSeatApproach * direction_of(seat.yaw);
@@ -72,12 +74,17 @@ void Actor::add(MotionKind kind, double value, int index, const Vector2d& to) {
   if (!motions_.full()) motions_.push_back({kind, to, value, index});
 }
 
-void Actor::walk_to(const Vector2d& to) { add(MotionKind::kFollow, 0, -1, to); }
+void Actor::walk_to(const Vector2d& to) {
+  add(MotionKind::kFollow, 0, -1, to);
+}
 
 void Actor::get_up() {
-  if (pose_.recline > 0) add(MotionKind::kRise, 2.5);
-  else if (pose_.sit > 0) add(MotionKind::kStandUp, 1.2);
-  else if (pose_.lean_x != 0 || pose_.lean_y != 0) add(MotionKind::kLean, 0.6);
+  if (pose_.recline > 0)
+    add(MotionKind::kRise, 2.5);
+  else if (pose_.sit > 0)
+    add(MotionKind::kStandUp, 1.2);
+  else if (pose_.lean_x != 0 || pose_.lean_y != 0)
+    add(MotionKind::kLean, 0.6);
 }
 
 int Actor::nearest_door(const Stage& stage) const {
@@ -115,7 +122,7 @@ int Actor::find_item(const SceneAct& act, const Stage& stage) const {
     // One's own and what bears the very name come first, wherever they are.
     const double d = (item.position - near).norm() -
                      (item.owner == static_cast<std::int32_t>(index_) ? 100 : 0) -
-                     (item.name == act.item ? 1000 : 0);
+                     (item.name == std::string_view(act.item) ? 1000 : 0);
     if (d < least) least = d, best = static_cast<int>(i);
   }
   return best;
@@ -140,6 +147,7 @@ void Actor::begin_enter(const SceneAct& act, const Stage& stage) {
   const double side = room * (2 * uniform(mixed(seed_, 8, next_act_)) - 1);
   const Vector2d lane = way.middle + side * way.along;
   if (outside_) {
+    pose_.x = lane.x(), pose_.y = lane.y();  // what is nearest is meant from here
     add(MotionKind::kAppear, std::atan2(way.inward.y(), way.inward.x()), door,
         lane - 1.1 * way.inward);
     add(MotionKind::kOpenDoor, 0.8, door);

@@ -61,14 +61,29 @@ class Actor {
 
  private:
   enum class MotionKind : std::uint8_t {
-    kAppear, kVanish, kWait, kOpenDoor, kFollow, kStraight, kTurn, kSit, kStandUp, kLean, kFall,
-    kLieDown, kRise, kBend, kPut, kTake, kStraighten,
+    kAppear,
+    kVanish,
+    kWait,
+    kOpenDoor,
+    kFollow,
+    kStraight,
+    kTurn,
+    kSit,
+    kStandUp,
+    kLean,
+    kFall,
+    kLieDown,
+    kRise,
+    kBend,
+    kPut,
+    kTake,
+    kStraighten,
   };
   struct Motion {
     MotionKind kind = MotionKind::kWait;
     Eigen::Vector2d to = Eigen::Vector2d::Zero();
-    double value = 0;    // seconds, radians or metres, as the kind needs it
-    int index = -1;      // of a seat, a door or an item
+    double value = 0;  // seconds, radians or metres, as the kind needs it
+    int index = -1;    // of a seat, a door or an item
   };
 
   void begin(const SceneAct& act, const Stage& stage);
@@ -105,16 +120,16 @@ class Actor {
   Figure figure_;
   Pose pose_;
   std::uint64_t seed_;
-  double cruise_ = 1.2;   // m/s
-  double speed_ = 0;      // m/s, now
-  double patience_ = 0;   // seconds it has been held up
-  double squeeze_ = 0;    // seconds for which it pushes through
+  double cruise_ = 1.2;  // m/s
+  double speed_ = 0;     // m/s, now
+  double patience_ = 0;  // seconds it has been held up
+  double squeeze_ = 0;   // seconds for which it pushes through
   std::size_t next_act_ = 0;
   FixedVector<Motion, 24> motions_;
   std::size_t motion_ = 0;
   bool started_ = false;  // of the running motion
   double progress_ = 0;
-  Pose from_;             // the pose in which the running motion began
+  Pose from_;  // the pose in which the running motion began
   Waypoints way_;
   std::size_t waypoint_ = 0;
   int seat_ = -1;

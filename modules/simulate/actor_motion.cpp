@@ -13,8 +13,12 @@ using Eigen::Vector2d;
 
 constexpr double kPi = std::numbers::pi;
 
-Vector2d direction_of(double yaw) { return {std::cos(yaw), std::sin(yaw)}; }
-double yaw_of(const Vector2d& direction) { return std::atan2(direction.y(), direction.x()); }
+Vector2d direction_of(double yaw) {
+  return {std::cos(yaw), std::sin(yaw)};
+}
+double yaw_of(const Vector2d& direction) {
+  return std::atan2(direction.y(), direction.x());
+}
 
 }  // namespace
 
@@ -182,7 +186,7 @@ void Actor::handle_item(const Motion& motion, const Stage& stage) {
   carried = false;
   StandingItem item;
   const SceneAct& act = passenger_->acts[next_act_ - 1];
-  item.name = act.item;
+  item.name.assign(act.item);
   item.pram = pram;
   item.there = true;
   const double ahead = pram ? 0.85 + 0.3 * pose_.sit : 0.45;

@@ -19,7 +19,7 @@ constexpr double kPi = std::numbers::pi;
 struct Skeleton {
   Vector3d pelvis, waist, neck, head;
   std::array<Vector3d, 2> shoulder, elbow, hand, hip, knee, ankle;  // left, right
-  Matrix3d torso;  // orientation of the torso
+  Matrix3d torso;                                                   // orientation of the torso
 };
 
 struct Lengths {
@@ -78,15 +78,15 @@ void place_arms(const Lengths& l, const Pose& pose, Skeleton& s) {
   const double reach = l.upper_arm + l.forearm;
   for (std::size_t i = 0; i < 2; ++i) {
     const double side = i == 0 ? 1 : -1;
-    const double swing = 0.55 * pose.step * std::sin(pose.gait_phase + (i == 0 ? kPi : 0) + kPi / 2);
+    const double swing =
+        0.55 * pose.step * std::sin(pose.gait_phase + (i == 0 ? kPi : 0) + kPi / 2);
     Vector3d hand = s.shoulder[i] + s.torso * Vector3d(0.05 + swing, side * 0.04, -0.96 * reach);
     if (pose.sit > 0) {  // hands rest on the thighs
       const Vector3d lap = s.hip[i] + 0.6 * (s.knee[i] - s.hip[i]) + Vector3d(0, 0, 0.09);
       hand += pose.sit * (lap - hand);
     }
     if (pose.pram) hand = s.pelvis + Vector3d(0.38, side * 0.18, 0.12);
-    if (pose.crouch > 0 && i == 1)
-      hand += pose.crouch * (Vector3d(0.35, -0.15, 0.25) - hand);
+    if (pose.crouch > 0 && i == 1) hand += pose.crouch * (Vector3d(0.35, -0.15, 0.25) - hand);
     s.elbow[i] = bend(s.shoulder[i], hand, l.upper_arm, l.forearm, s.torso * Vector3d(-1, side, 0));
     s.hand[i] = hand;
   }
@@ -134,8 +134,7 @@ Placement placement_of(const Figure& figure, const Pose& pose) {
   Placement placement{yaw, {pose.x, pose.y, 0}};
   if (pose.recline <= 0) return placement;
   const Vector3d axis(-std::sin(pose.recline_yaw), std::cos(pose.recline_yaw), 0);
-  placement.rotation =
-      AngleAxisd(pose.recline * 0.5 * kPi, axis).toRotationMatrix() * yaw;
+  placement.rotation = AngleAxisd(pose.recline * 0.5 * kPi, axis).toRotationMatrix() * yaw;
   // Flat on the floor the body's middle is half its thickness high.
   const double thickness = 0.075 * figure.height * figure.girth;
   placement.position.z() = pose.recline * (thickness + pose.support);
@@ -167,8 +166,13 @@ class Cladding {
     axes.col(0) = axes.col(1).cross(axes.col(2));
     const double radius = 0.5 * (radius_from + radius_to);
     const double taper = (radius_to - radius_from) / (2 * radius);
-    add({Part::Shape::kCone, 0.5 * (from + to), axes, {radius, radius * flat, 0.5 * length}, taper,
-         albedo, tag_});
+    add({Part::Shape::kCone,
+         0.5 * (from + to),
+         axes,
+         {radius, radius * flat, 0.5 * length},
+         taper,
+         albedo,
+         tag_});
   }
   void box(const Vector3d& centre, const Vector3d& half, float albedo) {
     add({Part::Shape::kBox, centre, Matrix3d::Identity(), half, 0, albedo, tag_});
@@ -332,9 +336,9 @@ Ellipsoid ellipsoid_of(const Parts& parts) {
   for (const Part& part : parts) {
     const bool round = part.shape == Part::Shape::kEllipsoid;
     const double v = part.half.prod() * (round ? 4.0 / 3.0 : 2.0) * kPi;
-    const Vector3d spread = round ? Vector3d(part.half.array().square() / 5)
-                                  : Vector3d(part.half.array().square() *
-                                             Eigen::Array3d(0.25, 0.25, 1.0 / 3.0));
+    const Vector3d spread =
+        round ? Vector3d(part.half.array().square() / 5)
+              : Vector3d(part.half.array().square() * Eigen::Array3d(0.25, 0.25, 1.0 / 3.0));
     volume += v;
     mean += v * part.centre;
     second += v * (part.axes * spread.asDiagonal() * part.axes.transpose() +
@@ -357,7 +361,9 @@ Ellipsoid ellipsoid_of(const Parts& parts) {
   return ellipsoid;
 }
 
-std::array<double, 3> as_array(const Vector3d& p) { return {p.x(), p.y(), p.z()}; }
+std::array<double, 3> as_array(const Vector3d& p) {
+  return {p.x(), p.y(), p.z()};
+}
 
 }  // namespace
 

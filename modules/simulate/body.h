@@ -21,18 +21,18 @@ struct Figure {
 
 // Everything that moves, as numbers that may be interpolated between two instants. Positions in W.
 struct Pose {
-  double x = 0, y = 0;      // of the pelvis (standing, sitting) or of the feet (fallen, lying)
-  double yaw = 0;           // the way the body faces; continuous, not folded
-  double gait_phase = 0;    // radians, a full turn is two steps; continuous
-  double step = 0;          // length of a step, metres; 0 stands still
-  double crouch = 0;        // 0..1: bent down to the floor
-  double sit = 0;           // 0 standing .. 1 sitting
-  double support = 0;       // height of what is sat or lain on, metres
-  double lean_x = 0;        // torso's tilt forwards and to the left, radians
-  double lean_y = 0;        //
-  double recline = 0;       // 0 upright .. 1 lying
-  double recline_yaw = 0;   // the way the head goes, in W
-  bool present = false;     // exists at all
+  double x = 0, y = 0;     // of the pelvis (standing, sitting) or of the feet (fallen, lying)
+  double yaw = 0;          // the way the body faces; continuous, not folded
+  double gait_phase = 0;   // radians, a full turn is two steps; continuous
+  double step = 0;         // length of a step, metres; 0 stands still
+  double crouch = 0;       // 0..1: bent down to the floor
+  double sit = 0;          // 0 standing .. 1 sitting
+  double support = 0;      // height of what is sat or lain on, metres
+  double lean_x = 0;       // torso's tilt forwards and to the left, radians
+  double lean_y = 0;       //
+  double recline = 0;      // 0 upright .. 1 lying
+  double recline_yaw = 0;  // the way the head goes, in W
+  bool present = false;    // exists at all
   bool bag = false, pram = false;  // carried now
 };
 

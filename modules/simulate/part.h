@@ -21,8 +21,7 @@ struct Part {
   std::int32_t tag = 0;  // whose it is: passenger index + 1, or 0
 };
 
-inline Part box_part(const Eigen::Vector3d& min, const Eigen::Vector3d& max,
-                               float albedo) {
+inline Part box_part(const Eigen::Vector3d& min, const Eigen::Vector3d& max, float albedo) {
   Part part;
   part.shape = Part::Shape::kBox;
   part.centre = 0.5 * (min + max);

@@ -12,7 +12,9 @@ constexpr std::uint64_t mixed(std::uint64_t x) {
   x = (x ^ (x >> 27U)) * 0x94D049BB133111EBU;
   return x ^ (x >> 31U);
 }
-constexpr std::uint64_t mixed(std::uint64_t a, std::uint64_t b) { return mixed(mixed(a) ^ b); }
+constexpr std::uint64_t mixed(std::uint64_t a, std::uint64_t b) {
+  return mixed(mixed(a) ^ b);
+}
 constexpr std::uint64_t mixed(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
   return mixed(mixed(a, b), c);
 }

@@ -13,7 +13,9 @@ struct RowForm {
   float slope, start;
 };
 
-RowForm row_form(const std::array<float, 3>& m, float y) { return {m[0], m[1] * y + m[2]}; }
+RowForm row_form(const std::array<float, 3>& m, float y) {
+  return {m[0], m[1] * y + m[2]};
+}
 
 struct Row {  // the pixels of one row of one part
   const float* x;
@@ -155,7 +157,8 @@ PreparedPart Raster::prepare(const Part& part_W, const Rigid& X_SW) const {
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d m = part_S.axes.col(axis) / std::max(part_S.half[axis], 1e-4);
     const auto i = static_cast<std::size_t>(axis);
-    for (int k = 0; k < 3; ++k) prepared.m[i][static_cast<std::size_t>(k)] = static_cast<float>(m[k]);
+    for (int k = 0; k < 3; ++k)
+      prepared.m[i][static_cast<std::size_t>(k)] = static_cast<float>(m[k]);
     prepared.c[i] = static_cast<float>(m.dot(part_S.centre));
   }
   prepared.rect = bounds(part_S);
@@ -202,8 +205,8 @@ float Raster::incidence(const PreparedPart& part, int u, int v, float w) const {
   }
   float dot = 0, norm2 = 0;
   for (std::size_t k = 0; k < 3; ++k) {
-    const float n = gradient[0] * part.m[0][k] + gradient[1] * part.m[1][k] +
-                    gradient[2] * part.m[2][k];
+    const float n =
+        gradient[0] * part.m[0][k] + gradient[1] * part.m[1][k] + gradient[2] * part.m[2][k];
     dot += n * d[k];
     norm2 += n * n;
   }

@@ -13,9 +13,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kThick = 0.1;       // of walls, floor and ceiling
-constexpr double kPlatform = 2.5;    // how far the ground goes on outside of a doorway
-constexpr double kWallGrip = 0.35;   // a door within this distance of a wall is a door of that wall
+constexpr double kThick = 0.1;      // of walls, floor and ceiling
+constexpr double kPlatform = 2.5;   // how far the ground goes on outside of a doorway
+constexpr double kWallGrip = 0.35;  // a door within this distance of a wall is a door of that wall
 
 float albedo_of(Material material) {
   switch (material) {
@@ -81,8 +81,8 @@ void add_seat(const SceneSeat& seat, std::vector<RoomPart>& parts) {
   };
   const double half = 0.5 * seat.width - 0.01;
   add({-0.5 * kSeatDepth, -half, kSeatHeight - 0.09}, {0.5 * kSeatDepth, half, kSeatHeight});
-  add({-0.5 * kSeatDepth + 0.08, -0.6 * half, 0}, {0.5 * kSeatDepth - 0.18, 0.6 * half,
-                                                   kSeatHeight - 0.09});
+  add({-0.5 * kSeatDepth + 0.08, -0.6 * half, 0},
+      {0.5 * kSeatDepth - 0.18, 0.6 * half, kSeatHeight - 0.09});
   add({-0.5 * kSeatDepth - 0.08, -half, kSeatHeight - 0.09},
       {-0.5 * kSeatDepth, half, kBackrestHeight});
 }
@@ -121,6 +121,22 @@ Doorway doorway_of(const Scene& scene, const SceneDoor& door) {
   return way;
 }
 
+void place_door_leaves(const Doorway& way, double open, FixedVector<Part, 40>& parts) {
+  const double half = 0.25 * way.width;  // of one leaf
+  for (const double side : {-1.0, 1.0}) {
+    const Vector2d middle =
+        way.middle + side * (half + open * (2 * half - 0.02)) * way.along - 0.06 * way.inward;
+    Part leaf;
+    leaf.shape = Part::Shape::kBox;
+    leaf.centre = {middle.x(), middle.y(), 0.5 * kDoorHeight};
+    leaf.axes.col(0) = Vector3d(way.along.x(), way.along.y(), 0);
+    leaf.axes.col(1) = Vector3d(way.inward.x(), way.inward.y(), 0);
+    leaf.half = {half, 0.02, 0.5 * kDoorHeight};
+    leaf.albedo = 0.4F;
+    parts.push_back(leaf);
+  }
+}
+
 std::vector<RoomPart> room_of(const Scene& scene) {
   std::vector<RoomPart> parts;
   const double l = scene.length, w = scene.width, h = scene.height;
@@ -156,14 +172,14 @@ Wagon wagon_of(const Scene& scene) {
   const auto as_array = [](const Vector2d& p) { return std::array<double, 2>{p.x(), p.y()}; };
   for (const SceneZone& zone : scene.zones) {
     Zone told;
-    told.name = zone.name;
+    told.name.assign(zone.name);
     told.capacity = zone.capacity;
     for (const Vector2d& corner : zone.polygon) told.polygon.push_back(as_array(corner));
     wagon.zones.push_back(told);
   }
   for (const SceneSeat& seat : scene.seats) {
     Seat told;
-    told.name = seat.name;
+    told.name.assign(seat.name);
     told.position = as_array(seat.position);
     told.yaw = seat.yaw;
     told.width = seat.width;
@@ -176,7 +192,7 @@ Wagon wagon_of(const Scene& scene) {
       const SceneBox seen = shown(scene, pane);
       constexpr double kAround = 0.03;  // depth on a pane is wrong by a few quantisation steps
       MaskVolume mask;
-      mask.name = pane.name;
+      mask.name.assign(pane.name);
       mask.bounds.min = seen.min.array() - kAround;
       mask.bounds.max = seen.max.array() + kAround;
       wagon.masks.push_back(mask);
@@ -199,7 +215,7 @@ Rig rig_of(const Scene& scene) {
   Rig rig;
   for (const SceneSensor& sensor : scene.sensors) {
     RigSensor told;
-    told.name = sensor.name;
+    told.name.assign(sensor.name);
     told.kind = sensor.kind;
     told.camera = kinect_camera();
     told.X_WS = {look_at(sensor.position, sensor.look_at), sensor.position};

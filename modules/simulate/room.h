@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "base/fixed_vector.h"
 #include "geometry/camera.h"
 #include "rig/rig.h"
 #include "simulate/part.h"
@@ -31,6 +32,9 @@ struct Doorway {
 };
 Doorway doorway_of(const Scene& scene, const SceneDoor& door);
 inline constexpr double kDoorHeight = 2.0;
+
+// Two leaves that slide apart in the thickness of the wall; `open` is 0..1.
+void place_door_leaves(const Doorway& way, double open, FixedVector<Part, 40>& parts);
 
 // The wagon in the form of the settings: its inside ends 4 cm before the walls and the ceiling.
 Wagon wagon_of(const Scene& scene);

@@ -20,7 +20,7 @@ constexpr std::array<std::string_view, 5> kMaterials{"plain", "dark", "metal", "
 constexpr std::array<std::string_view, 2> kKinds{"kinect", "stereo"};
 constexpr std::array<std::string_view, 2> kBuilds{"adult", "child"};
 constexpr std::array<std::string_view, 3> kCarried{"bag", "pram", "coat"};
-constexpr std::array<std::string_view, 11> kActs{"enter", "walk", "stand", "sit", "lean", "fall",
+constexpr std::array<std::string_view, 11> kActs{"enter", "walk", "stand", "sit",  "lean", "fall",
                                                  "lie",   "rise", "put",   "take", "leave"};
 constexpr std::array<std::string_view, 3> kLights{"day", "tunnel", "sun"};
 constexpr std::array<std::string_view, 4> kFaults{"unplug", "late", "loss", "moved"};
@@ -116,8 +116,8 @@ void read_boxes(TableReader& root, std::string_view key, Material otherwise, std
       reader.refuse("max", "must not be less than `min` in any coordinate");
     box.material = otherwise;
     if (key == "box")
-      box.material = static_cast<Material>(
-          reader.choice("material", kMaterials, static_cast<int>(otherwise)));
+      box.material =
+          static_cast<Material>(reader.choice("material", kMaterials, static_cast<int>(otherwise)));
     reader.finish();
     boxes.push_back(std::move(box));
   }
@@ -195,8 +195,7 @@ ScenePassenger read_passenger(TableReader& reader, const Scene& scene) {
     passenger.acts.push_back(read_act(act, scene));
   const auto earlier = [](const SceneAct& a, const SceneAct& b) { return a.at < b.at; };
   std::stable_sort(passenger.acts.begin(), passenger.acts.end(), earlier);
-  const bool enters =
-      !passenger.acts.empty() && passenger.acts.front().kind == ActKind::kEnter;
+  const bool enters = !passenger.acts.empty() && passenger.acts.front().kind == ActKind::kEnter;
   if (!passenger.start && passenger.door < 0 && passenger.seat < 0 && !enters)
     reader.refuse("start", "a passenger needs start = [x, y], door = \"NAME\" or seat = \"NAME\"");
   reader.finish();

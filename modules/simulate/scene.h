@@ -48,7 +48,17 @@ struct SceneSensor {
 };
 
 enum class ActKind : std::uint8_t {
-  kEnter, kWalk, kStand, kSit, kLean, kFall, kLie, kRise, kPut, kTake, kLeave,
+  kEnter,
+  kWalk,
+  kStand,
+  kSit,
+  kLean,
+  kFall,
+  kLie,
+  kRise,
+  kPut,
+  kTake,
+  kLeave,
 };
 struct SceneAct {
   double at = 0;

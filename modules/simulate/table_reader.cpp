@@ -21,7 +21,8 @@ std::string as_text(const toml::node& node) {
 
 std::string listed(std::span<const std::string_view> choices) {
   std::string text;
-  for (const auto choice : choices) text += fmt::format("{}\"{}\"", text.empty() ? "" : ", ", choice);
+  for (const auto choice : choices)
+    text += fmt::format("{}\"{}\"", text.empty() ? "" : ", ", choice);
   return text;
 }
 

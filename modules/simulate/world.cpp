@@ -69,8 +69,7 @@ World::Bracket World::reach(HostTime instant) {
 Pose World::pose_at(std::size_t passenger, HostTime instant) {
   const Bracket at = reach(instant);
   const std::size_t n = actors_.size();
-  return interpolate(poses_[at.before * n + passenger], poses_[at.after * n + passenger],
-                     at.share);
+  return interpolate(poses_[at.before * n + passenger], poses_[at.after * n + passenger], at.share);
 }
 
 double World::door_open_at(std::size_t door, HostTime instant) {

@@ -62,9 +62,9 @@ class World {
   std::vector<double> door_open_, door_hold_;
   StandingItems items_;
   Stage stage_;
-  std::int64_t ticks_ = 0;  // done so far
-  std::vector<Pose> poses_;        // kHistory x passengers
-  std::vector<double> doors_;      // kHistory x doors
+  std::int64_t ticks_ = 0;     // done so far
+  std::vector<Pose> poses_;    // kHistory x passengers
+  std::vector<double> doors_;  // kHistory x doors
   std::vector<StandingItems> item_history_;
 };
 
