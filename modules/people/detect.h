@@ -1,0 +1,99 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "base/bounded_vector.h"
+#include "fusion/fused_cloud.h"
+#include "people/ground_segments.h"
+#include "snapshot/snapshot.h"
+#include "wagon/wagon.h"
+
+namespace wagonsight {
+
+inline constexpr std::uint16_t kNoDetection = UINT16_MAX;
+
+// Where a track expects a person at this instant: it decides in doubt whether what stands close
+// together is one or two.
+struct PersonPrior {
+  float x = 0, y = 0;
+  float height = 0;  // highest seen, metres
+};
+
+// Something that is a person by itself, or may be the part of one that a track expects. World
+// frame, metres.
+struct Detection {
+  float x = 0, y = 0;         // the torso's centre on the floor
+  float sigma = 0;            // of x and of y
+  float top = 0;              // highest point above the floor
+  float bottom = 0;           // lowest
+  float length = 0;           // longest horizontal extent (10th to 90th percentile of the points)
+  float width = 0;            // across that
+  float area_m2 = 0;          // of its visible surface
+  bool stands_alone = false;  // enough of a person to begin a track
+  bool cut_top = false;       // the head may be beyond an image border
+  bool cut_side = false;      // the body goes on beyond an image border
+  std::uint32_t points = 0;
+  FixedVector<ViewAttributes, kSensorsMax> views;
+  struct Cut {  // pixels of a view, in the order of `views`, that touch an image border
+    std::uint32_t top = 0, side = 0;
+  };
+  std::array<Cut, kSensorsMax> cuts{};
+};
+
+// What the detector takes a person for. All lengths are those of human bodies.
+struct DetectOptions {
+  double standing_min_m = 0.8;     // top of the smallest person to be found upright
+  double area_min_m2 = 0.10;       // visible surface of a person nobody expects
+  double area_part_min_m2 = 0.04;  // of one whom a track expects
+  // A body is solid: its visible surface fills this share of its outline's box at least.
+  double solid_min = 0.3;
+  double lying_area_min_m2 = 0.3;
+  double lying_length_min_m = 0.8;
+};
+
+class Detector {
+ public:
+  // People are looked for in `inside`. Allocates here and never again.
+  explicit Detector(const Bounds& inside, const DetectOptions& options = {});
+
+  // The people of one fused cloud, at most kPeopleMax, highest first. Valid until the next call.
+  std::span<const Detection> detect(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  // By point of that cloud: the detection it belongs to, or kNoDetection.
+  std::span<const std::uint16_t> labels() const { return labels_.span(); }
+
+ private:
+  // Sums over the points of a part; parts are merged by adding them.
+  struct Part {
+    double area = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;  // area-weighted
+    float top = 0, bottom = 0;
+    float top_x = 0, top_y = 0;
+    std::uint32_t points = 0;
+    std::uint16_t merged_into = kNoDetection;  // itself when it stands
+    std::uint16_t detection = kNoDetection;
+
+    double mean_x() const { return x / area; }
+    double mean_y() const { return y / area; }
+  };
+
+  void gather_parts(const FusedCloud& cloud);
+  void merge_parts(std::span<const PersonPrior> priors);
+  bool same_person(const Part& high, const Part& low, std::span<const PersonPrior> priors) const;
+  void merge(std::size_t low, std::size_t high);
+  void split_by_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  void measure(const FusedCloud& cloud);
+  void measure_positions(const FusedCloud& cloud);
+  void add_views(const FusedCloud& cloud);
+  void judge();
+  std::uint16_t part_root(std::uint16_t part) const;
+
+  DetectOptions options_;
+  GroundSegments segments_;
+  BoundedVector<Part> parts_;
+  BoundedVector<std::uint16_t> part_labels_;  // by point
+  BoundedVector<std::uint16_t> labels_;       // by point
+  BoundedVector<Detection> detections_;
+};
+
+}  // namespace wagonsight

@@ -1,0 +1,276 @@
+#include "people/track.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace wagonsight {
+namespace {
+
+constexpr float kImpossible = std::numeric_limits<float>::infinity();
+// Costs are squared distances in units of this length: half the space between two people.
+constexpr double kCostUnit = 0.35;
+constexpr float kAloneCost = 30.0F;   // the widest gate squared in that unit, and what is added
+constexpr double kHeightUnit = 0.25;  // metres of difference in height that count like one unit
+constexpr double kSameEnough = 0.30;  // two tracks nearer than this follow one person
+// Seen surface of two frames, in units of 0.25 square metres and at most one each.
+constexpr double kEvidenceAtOnce = 1.2;
+constexpr double kPostureHold = 0.3;  // seconds a posture must last
+constexpr double kSeatReach = 0.55;   // metres from a seat's centre to its sitter's torso
+
+double distance(const std::array<double, 2>& a, const std::array<double, 2>& b) {
+  return std::hypot(a[0] - b[0], a[1] - b[1]);
+}
+
+}  // namespace
+
+Tracker::Tracker(const Wagon& wagon, const TrackOptions& options)
+    : wagon_(wagon),
+      options_(options),
+      assignment_(kTracksMax, kPeopleMax),
+      tracks_(kTracksMax),
+      priors_(kTracksMax),
+      costs_(kTracksMax * kPeopleMax),
+      taken_(kPeopleMax) {}
+
+std::span<const PersonPrior> Tracker::predict(double now_s) {
+  dt_s_ = started_ ? std::max(0.0, now_s - now_s_) : 0.0;
+  started_ = true;
+  now_s_ = now_s;
+  priors_.clear();
+  for (Track& track : tracks_) {
+    track.motion.predict(dt_s_, options_.acceleration);
+    if (track.state == TrackState::kHidden) track.motion.slow_down(dt_s_, 1.0);
+    track.person.position = {track.motion.position().x(), track.motion.position().y()};
+    if (track.state != TrackState::kFollowed && !track.told) continue;
+    const PersonPrior prior{static_cast<float>(track.person.position[0]),
+                            static_cast<float>(track.person.position[1]),
+                            static_cast<float>(track.person.height)};
+    if (!priors_.try_push_back(prior)) break;
+  }
+  return priors_.span();
+}
+
+void Tracker::update(std::span<const Detection> detections, std::span<const BodyShape> shapes,
+                     const VisibilityGrid& visibility) {
+  associate(detections);
+  for (Track& track : tracks_) {
+    if (track.detection != kNoDetection)
+      see(track, detections[track.detection], shapes[track.detection]);
+    else
+      miss(track, visibility);
+  }
+  drop_doubles();
+  drop_ended();
+  begin(detections, shapes);
+}
+
+float Tracker::pair_cost(const Track& track, const Detection& detection) const {
+  const Eigen::Vector2d position(detection.x, detection.y);
+  const double away = (position - track.motion.position()).norm();
+  const double spread = track.motion.position_sigma().maxCoeff();
+  const double gate =
+      std::clamp(3 * spread + 2 * detection.sigma, options_.gate_min_m, options_.gate_max_m);
+  if (away > gate) return kImpossible;
+  if (!detection.stands_alone && track.state != TrackState::kFollowed && !track.told)
+    return kImpossible;
+  double cost = (away / kCostUnit) * (away / kCostUnit);
+  if (!detection.cut_top) {
+    const double taller = (detection.top - track.head_top) / kHeightUnit;
+    cost += std::min(4.0, taller * taller);
+  }
+  if (!detection.stands_alone) cost += 1;
+  if (track.state == TrackState::kTentative) cost += 1;
+  if (track.state == TrackState::kHidden) cost += 2;
+  return static_cast<float>(cost);
+}
+
+void Tracker::associate(std::span<const Detection> detections) {
+  costs_.resize(tracks_.size() * detections.size());
+  for (std::size_t row = 0; row < tracks_.size(); ++row)
+    for (std::size_t column = 0; column < detections.size(); ++column)
+      costs_[row * detections.size() + column] = pair_cost(tracks_[row], detections[column]);
+  const auto columns =
+      assignment_.solve(costs_.span(), tracks_.size(), detections.size(), kAloneCost);
+  taken_.resize(detections.size());
+  for (std::uint8_t& taken : taken_) taken = 0;
+  for (std::size_t row = 0; row < tracks_.size(); ++row) {
+    tracks_[row].detection = columns[row] == kUnassigned ? kNoDetection : columns[row];
+    if (columns[row] != kUnassigned) taken_[columns[row]] = 1;
+  }
+}
+
+void Tracker::see(Track& track, const Detection& detection, const BodyShape& shape) {
+  // A body that goes on beyond the image border has its centre there, too.
+  const double sigma = detection.sigma + (detection.cut_side ? 0.1 : 0.0);
+  track.motion.correct({detection.x, detection.y}, sigma);
+  ++track.hits;
+  track.evidence += std::min(1.0, detection.area_m2 / 0.25);
+  track.free_since = -1;
+  track.person.last_seen = now_s_;
+  if (!detection.cut_top) track.head_top = detection.top;
+  track.cut_side = detection.cut_side;
+  measure_height(track, detection);
+  judge_posture(track, detection);
+  if (track.state == TrackState::kTentative) {
+    const bool long_enough = now_s_ - track.person.since >= options_.confirm_s - 1e-6;
+    if (track.hits >= 2 && (long_enough || track.evidence >= kEvidenceAtOnce)) {
+      track.state = TrackState::kFollowed;
+      track.person.id = next_id_++;
+    }
+  } else {
+    track.state = TrackState::kFollowed;
+  }
+  track.told = track.state == TrackState::kFollowed;
+  tell(track, shape, detection);
+}
+
+void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
+  if (track.state == TrackState::kTentative) {
+    track.told = false;
+    track.hits = 0;  // ends
+    return;
+  }
+  track.state = TrackState::kHidden;
+  const auto position = track.motion.position();
+  const auto velocity = track.motion.velocity();
+  track.person.velocity = {velocity.x(), velocity.y()};
+  const auto sigma = track.motion.position_sigma();
+  track.person.sigma = {sigma.x(), sigma.y()};
+  track.person.views.clear();
+  const ColumnView view =
+      visibility.look_at_column(position.x(), position.y(), std::max(0.8, track.head_top));
+  const double unseen_s = now_s_ - track.person.last_seen;
+  if (view.free > 0.5F) {
+    if (track.free_since < 0) track.free_since = now_s_;
+    track.told = false;
+    return;
+  }
+  track.free_since = -1;
+  const bool walking = velocity.norm() > 0.4;
+  double coast_s = walking ? options_.coast_walking_s : options_.coast_standing_s;
+  if (view.surface > 0.5F) coast_s = options_.coast_walking_s;
+  // Who was at an image border has left by it.
+  if (view.outside > 0.5F || track.cut_side)
+    coast_s = track.cut_side ? 0 : options_.coast_lost_sight_s;
+  // Nobody is believed in for much longer than was seen.
+  coast_s = std::min(coast_s, 0.2 + 2 * (track.person.last_seen - track.person.since));
+  track.told = track.told && unseen_s <= coast_s;
+}
+
+void Tracker::drop_ended() {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    const Track& track = tracks_[i];
+    const double unseen_s = now_s_ - track.person.last_seen;
+    const bool missed = track.state == TrackState::kTentative && track.hits == 0;
+    const bool gone = track.free_since >= 0 && now_s_ - track.free_since > options_.gone_s &&
+                      unseen_s > options_.coast_walking_s;
+    const bool forgotten = !track.told && unseen_s > options_.remember_s;
+    if (missed || gone || forgotten) continue;
+    if (kept != i) tracks_[kept] = tracks_[i];
+    ++kept;
+  }
+  tracks_.resize(kept);
+}
+
+// A hidden track that waits where another one is seen waits for the same person.
+void Tracker::drop_doubles() {
+  for (Track& hidden : tracks_) {
+    if (hidden.state != TrackState::kHidden || !hidden.told) continue;
+    for (const Track& seen : tracks_)
+      if (seen.detection != kNoDetection && seen.state == TrackState::kFollowed &&
+          distance(seen.person.position, hidden.person.position) < kSameEnough)
+        hidden.told = false;
+  }
+}
+
+void Tracker::begin(std::span<const Detection> detections, std::span<const BodyShape> shapes) {
+  for (std::size_t i = 0; i < detections.size(); ++i) {
+    if (taken_[i] != 0 || !detections[i].stands_alone) continue;
+    Track track;
+    track.motion = MotionFilter({detections[i].x, detections[i].y}, detections[i].sigma);
+    track.person.since = now_s_;
+    track.person.last_seen = now_s_;
+    track.hits = 1;
+    track.evidence = std::min(1.0, detections[i].area_m2 / 0.25);
+    track.head_top = detections[i].top;
+    track.person.height = detections[i].top;
+    track.posture_since = now_s_;
+    track.detection = static_cast<std::uint16_t>(i);
+    judge_posture(track, detections[i]);
+    track.person.posture = track.posture_seen;
+    tell(track, shapes[i], detections[i]);
+    if (!tracks_.try_push_back(track)) ++tracks_dropped_;
+  }
+}
+
+// The highest that is seen more than by chance: rises within half a second, gives way only to
+// noise, so that who sits down keeps the height of before.
+void Tracker::measure_height(Track& track, const Detection& detection) const {
+  double& height = track.person.height;
+  const double step = std::min(1.0, dt_s_ / 0.4);
+  if (detection.top > height)
+    height += step * (detection.top - height);
+  else if (height - detection.top < 0.08)
+    height += 0.1 * step * (detection.top - height);
+}
+
+bool Tracker::near_seat(const Track& track) const {
+  for (const Seat& seat : wagon_.seats)
+    if (distance(seat.position, track.person.position) < kSeatReach) return true;
+  return false;
+}
+
+void Tracker::judge_posture(Track& track, const Detection& detection) const {
+  Posture posture = Posture::kUnknown;
+  const double top = detection.top;
+  const double height = track.person.height;
+  if (detection.cut_top) {
+    posture = track.posture_seen;
+  } else if ((top < 0.65 && (height > 0.9 || detection.length > 0.8)) ||
+             (top < 0.9 && detection.length > 1.1)) {
+    posture = Posture::kLying;
+  } else if (height > 1.35 && top < 0.82 * height && top < 1.5) {
+    posture = Posture::kSitting;
+  } else if (top < 1.45 && near_seat(track)) {
+    posture = Posture::kSitting;
+  } else if (top >= 0.8) {
+    posture = Posture::kStanding;
+  }
+  if (posture != track.posture_seen) {
+    track.posture_seen = posture;
+    track.posture_since = now_s_;
+  }
+  if (now_s_ - track.posture_since >= kPostureHold || track.person.posture == Posture::kUnknown)
+    track.person.posture = posture;
+}
+
+void Tracker::tell(Track& track, const BodyShape& shape, const Detection& detection) const {
+  Person& person = track.person;
+  const auto position = track.motion.position();
+  const auto velocity = track.motion.velocity();
+  const auto sigma = track.motion.position_sigma();
+  person.position = {position.x(), position.y()};
+  person.velocity = {velocity.x(), velocity.y()};
+  person.sigma = {sigma.x(), sigma.y()};
+  person.box = shape.box;
+  person.ellipsoid = shape.ellipsoid;
+  person.has_head = shape.has_head;
+  person.head = shape.head;
+  person.views = detection.views;
+  person.has_shoulders = shape.has_shoulders;
+  if (!shape.has_shoulders) return;
+  // Left is where the left hand of somebody who walks this way would be; who stands keeps facing
+  // the way the shoulders were told before.
+  const double along_x = shape.shoulder_a[0] - shape.shoulder_b[0];
+  const double along_y = shape.shoulder_a[1] - shape.shoulder_b[1];
+  double side = velocity.x() * along_y - velocity.y() * along_x;
+  if (velocity.norm() < 0.3)
+    side = (person.shoulder_left[0] - person.shoulder_right[0]) * along_x +
+           (person.shoulder_left[1] - person.shoulder_right[1]) * along_y;
+  person.shoulder_left = side >= 0 ? shape.shoulder_a : shape.shoulder_b;
+  person.shoulder_right = side >= 0 ? shape.shoulder_b : shape.shoulder_a;
+}
+
+}  // namespace wagonsight

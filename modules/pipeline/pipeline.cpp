@@ -1,0 +1,163 @@
+#include "pipeline/pipeline.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "pipeline/state.h"
+
+namespace wagonsight {
+
+Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
+                                                   std::array<RayTable, kSensorsMax> rays,
+                                                   const Wagon& wagon,
+                                                   const PipelineOptions& options) {
+  if (rig.sensors.empty())
+    return fail("the rig has no sensor, so there is nothing to watch with; add one to it");
+  auto state = std::make_unique<State>(rig, wagon, options);
+  const ForegroundOptions foreground{options.leaf_m, options.voxel_m, options.noise_sigmas,
+                                     options.blob_area_min_m2, options.learning_s};
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
+    const RigSensor& sensor = rig.sensors[i];
+    auto extractor = ForegroundExtractor::create(sensor, rays[i], wagon, foreground);
+    if (!extractor)
+      return fail(fmt::format("sensor {}: {}", sensor.name.view(), extractor.error().message));
+    state->lanes[i].extractor = std::move(*extractor);
+    state->lanes[i].foreground = std::make_unique<Foreground>(
+        static_cast<std::size_t>(sensor.camera.width * sensor.camera.height));
+    state->lanes[i].foreground->sensor_index = static_cast<std::uint8_t>(i);
+  }
+  return std::unique_ptr<Pipeline>(new Pipeline(std::move(state)));
+}
+
+Pipeline::Pipeline(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Pipeline::~Pipeline() = default;
+
+Pipeline::State::State(const Rig& the_rig, const Wagon& wagon, const PipelineOptions& the_options)
+    : rig(the_rig),
+      options(the_options),
+      fusion(the_rig, the_options.voxel_m),
+      visibility(the_rig, wagon.inside),
+      detector(wagon.inside),
+      tracker(wagon),
+      situation(wagon) {}
+
+// Algorithm 1 of the paper, and from its fused cloud to who is where.
+const PeopleFrame& Pipeline::process(const FrameSet& frames) {
+  State& now = *state_;
+  now.begin(frames);
+  now.extract(frames);      // lines 4 to 14: trim, change, blobs, downsample, to the world
+  now.fuse(frames);         // line 18: all foregrounds of the instant in one cloud
+  now.find_people(frames);  // detect, describe, track
+  now.judge_situation();    // zones, seats, doors, events
+  return now.frame;
+}
+
+void Pipeline::State::begin(const FrameSet& frames) {
+  if (!started) start = frames.instant;
+  started = true;
+  frame.time = to_seconds(frames.instant - start);
+  frame.skews.clear();
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i)
+    if (frames.sensors[i].state == FrameState::kPresent)
+      frame.skews.push_back({rig.sensors[i].name, to_milliseconds(frames.sensors[i].skew)});
+  stage_begin = ticker != nullptr ? ticker() : Duration{};
+  finish_stage(Stage::kToDepth);  // the sensors of today deliver depth
+}
+
+// A sensor that has no frame at this instant contributes nothing, and nothing waits for it.
+void Pipeline::State::extract(const FrameSet& frames) {
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
+    views[i] = {};
+    const FrameSlot* slot = depth_slot(frames.sensors[i]);
+    if (slot == nullptr) continue;
+    lanes[i].extractor->extract(slot->depth(), slot->instant, *lanes[i].foreground);
+    views[i] = {lanes[i].foreground.get(),
+                options.compensate_skew ? frames.sensors[i].skew : Duration{}};
+  }
+  finish_stage(Stage::kExtract);
+}
+
+void Pipeline::State::fuse(const FrameSet& frames) {
+  gather_motion_hints();
+  cloud = &fusion.fuse({views.data(), rig.sensors.size()}, {hints.data(), hints.size()});
+  visibility.update(frames);
+  finish_stage(Stage::kFuse);
+}
+
+void Pipeline::State::find_people(const FrameSet& frames) {
+  const auto expected = tracker.predict(to_seconds(frames.instant - start));
+  const auto detections = detector.detect(*cloud, expected);
+  const auto shapes = describer.describe(*cloud, detector.labels(), detections);
+  tracker.update(detections, shapes, visibility);
+  tell_people();
+  finish_stage(Stage::kPeople);
+}
+
+void Pipeline::State::judge_situation() {
+  situation.update(frame, visibility);
+  finish_stage(Stage::kSituation);
+}
+
+// Feedback is the last FrameSet's data and nothing else.
+void Pipeline::State::gather_motion_hints() {
+  constexpr float kReach = 0.5F;  // metres: arms and legs move with the body
+  hints.clear();
+  for (const Track& track : tracker.tracks())
+    if (track.told)
+      hints.push_back({static_cast<float>(track.person.position[0]),
+                       static_cast<float>(track.person.position[1]), kReach,
+                       static_cast<float>(track.person.velocity[0]),
+                       static_cast<float>(track.person.velocity[1])});
+}
+
+void Pipeline::State::tell_people() {
+  frame.people.clear();
+  for (const Track& track : tracker.tracks())
+    if (track.told && !frame.people.try_push_back(track.person)) break;
+  std::sort(frame.people.begin(), frame.people.end(),
+            [](const Person& a, const Person& b) { return a.id < b.id; });
+}
+
+void Pipeline::State::finish_stage(Stage stage) {
+  if (ticker == nullptr) return;
+  const Duration now = ticker();
+  stage_times[static_cast<std::size_t>(stage)] = now - stage_begin;
+  stage_begin = now;
+}
+
+void Pipeline::learn(const FrameSet& frames) {
+  for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
+    if (const FrameSlot* slot = depth_slot(frames.sensors[i]))
+      state_->lanes[i].extractor->learn(slot->depth(), slot->instant);
+}
+
+void Pipeline::finish_learning() {
+  for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
+    state_->lanes[i].extractor->finish_learning();
+}
+
+const Occupancy& Pipeline::occupancy() const {
+  return state_->situation.occupancy();
+}
+
+double Pipeline::background_share(std::size_t sensor_index) const {
+  if (sensor_index >= state_->rig.sensors.size()) return 0;
+  return state_->lanes[sensor_index].extractor->background_share();
+}
+
+bool Pipeline::learning() const {
+  for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
+    if (state_->lanes[i].extractor->learning()) return true;
+  return false;
+}
+
+void Pipeline::set_ticker(Ticker ticker) {
+  state_->ticker = ticker;
+}
+
+const std::array<Duration, kStageCount>& Pipeline::last_stage_times() const {
+  return state_->stage_times;
+}
+
+}  // namespace wagonsight

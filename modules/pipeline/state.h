@@ -1,0 +1,64 @@
+#pragma once
+
+#include "foreground/extractor.h"
+#include "fusion/fused_cloud.h"
+#include "fusion/visibility.h"
+#include "people/describe.h"
+#include "people/detect.h"
+#include "people/track.h"
+#include "pipeline/pipeline.h"
+#include "situation/situation.h"
+
+namespace wagonsight {
+
+// One sensor's way from its image to its foreground.
+struct SensorLane {
+  std::unique_ptr<ForegroundExtractor> extractor;
+  std::unique_ptr<Foreground> foreground;
+};
+
+// Everything the pipeline keeps between two instants. Private to its sources.
+struct Pipeline::State {
+  State(const Rig& the_rig, const Wagon& wagon, const PipelineOptions& the_options);
+
+  // The steps of process(), in their order.
+  void begin(const FrameSet& frames);
+  void extract(const FrameSet& frames);
+  void fuse(const FrameSet& frames);
+  void find_people(const FrameSet& frames);
+  void judge_situation();
+
+  void gather_motion_hints();
+  void tell_people();
+  void finish_stage(Stage stage);
+
+  Rig rig;
+  PipelineOptions options;
+  std::array<SensorLane, kSensorsMax> lanes;
+  std::array<ForegroundView, kSensorsMax> views{};
+  FixedVector<MotionHint, kTracksMax> hints;  // the last FrameSet's tracks
+
+  Fusion fusion;
+  VisibilityGrid visibility;
+  Detector detector;
+  Describer describer;
+  Tracker tracker;
+  Situation situation;
+
+  const FusedCloud* cloud = nullptr;
+  PeopleFrame frame;
+  bool started = false;
+  HostTime start{};
+
+  Ticker ticker = nullptr;
+  Duration stage_begin{};
+  std::array<Duration, kStageCount> stage_times{};
+};
+
+// A frame of depth that is there, or nullptr.
+inline const FrameSlot* depth_slot(const SensorFrame& frame) {
+  if (frame.state != FrameState::kPresent || frame.slot == nullptr) return nullptr;
+  return frame.slot->format == PixelFormat::kDepth16 ? frame.slot : nullptr;
+}
+
+}  // namespace wagonsight
