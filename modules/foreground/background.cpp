@@ -17,6 +17,10 @@ constexpr int kFreesMin = 2;
 constexpr int kHitsPerFree = 6;
 // Noise must come back for so many rounds to become background.
 constexpr int kNoiseHits = 5;
+// What comes back less often than every so many rounds never becomes background.
+constexpr float kFadeRounds = 8;
+// Well-known leaves are looked at every so many rounds, each look counting as many times.
+constexpr std::uint32_t kStrongRounds = 4;
 // Whole learning: background was there at least in this share of the frames that could tell, and
 // in so many frames.
 constexpr double kThereShare = 0.5;
@@ -35,20 +39,22 @@ void visit_pixels(std::span<const std::uint64_t> bits, Visit&& visit) {
 
 Background::Background(const SensorView& view)
     : leaves_(view.grid()),
-      this_round_(view.grid()),
+      rounds_seen_(view.grid()),
       evidence_(view.grid()),
       thresholds_(view),
-      empty_rounds_(std::make_unique<std::uint8_t[]>(view.pixel_count())) {}
+      empty_rounds_(std::make_unique<std::uint8_t[]>(view.pixel_count())),
+      candidates_(view.grid().brick_count()),
+      candidate_(std::make_unique<std::uint64_t[]>(view.grid().block_count())) {}
 
 void Background::gather(const SensorView& view, DepthImage image) {
-  this_round_.clear();
+  rounds_seen_.current().clear();
   ++gathered_;
   for (std::size_t pixel = 0; pixel < image.pixel_count(); ++pixel) {
     const std::uint16_t raw = image.pixels[pixel];
     if (raw < view.depth().raw_near() || raw > view.depth().raw_far()) continue;
     if (!view.has_ray(pixel)) continue;
     const LeafAddress leaf = view.leaf_of(pixel, raw);
-    if (leaf == kNoLeaf || !this_round_.insert(leaf)) continue;
+    if (leaf == kNoLeaf || !rounds_seen_.current().insert(leaf)) continue;
     LeafEvidence* evidence = evidence_.find_or_add(leaf);
     if (evidence == nullptr) continue;
     if (evidence->hits == UINT8_MAX) {  // keeps the ratio and forgets slowly
@@ -61,7 +67,7 @@ void Background::gather(const SensorView& view, DepthImage image) {
     const auto leaves = evidence_.brick(brick);
     for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
       const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
-      if (leaves[i].hits == 0 || this_round_.contains(leaf)) continue;
+      if (leaves[i].hits == 0 || rounds_seen_.current().contains(leaf)) continue;
       if (look(view, image, leaf) != Seen::kThrough) continue;
       if (leaves[i].frees == UINT8_MAX) {
         leaves[i].hits /= 2;
@@ -72,9 +78,15 @@ void Background::gather(const SensorView& view, DepthImage image) {
   }
 }
 
+void Background::forget_candidates() {
+  for (const BrickAddress brick : candidates_) candidate_[brick / 64] = 0;
+  candidates_.clear();
+}
+
 void Background::decide(const SensorView& view) {
+  forget_candidates();
   leaves_.clear();
-  this_round_.clear();
+  rounds_seen_.current().clear();
   const int frames_min = std::min(kThereFramesMin, static_cast<int>(gathered_));
   for (const BrickAddress brick : evidence_.bricks()) {
     const auto leaves = evidence_.brick(brick);
@@ -126,21 +138,35 @@ float Background::advance(HostTime instant) {
   if (to_seconds(instant - round_start_) + 0.5 * frame_s >= kRound_s) {
     round_start_ = instant;
     ++rounds_;
-    fade_candidates();
-    this_round_.clear();
+    rounds_seen_.switch_buffers();
   }
-  return static_cast<float>(std::min(1.0, frame_s / kRound_s));
+  const auto share = static_cast<float>(std::min(1.0, frame_s / kRound_s));
+  fade_candidates(share);
+  return share;
 }
 
-// What is not background yet and was not seen in the round that ends loses a hit.
-void Background::fade_candidates() {
-  for (const BrickAddress brick : evidence_.bricks()) {
+// What is not background and was not seen in this round or the last loses a hit, every kFadeRounds.
+void Background::fade_candidates(float round_share) {
+  fade_share_ += round_share * static_cast<float>(candidates_.size()) / kFadeRounds;
+  for (; fade_share_ >= 1 && !candidates_.empty(); fade_share_ -= 1) {
+    if (next_candidate_ >= candidates_.size()) next_candidate_ = 0;
+    const BrickAddress brick = candidates_[next_candidate_];
     const auto leaves = evidence_.brick(brick);
+    bool any = false;
     for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
       const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
-      if (leaves[i].hits == 0 || leaves_.contains(leaf) || this_round_.contains(leaf)) continue;
+      if (leaves[i].hits == 0 || leaves_.contains(leaf)) continue;
+      any = true;
+      if (rounds_seen_.current().contains(leaf) || rounds_seen_.previous().contains(leaf)) continue;
       --leaves[i].hits;
     }
+    if (any) {
+      ++next_candidate_;
+      continue;
+    }
+    candidate_[brick / 64] &= ~(std::uint64_t{1} << (brick % 64));
+    candidates_[next_candidate_] = candidates_[candidates_.size() - 1];
+    candidates_.resize(candidates_.size() - 1);
   }
 }
 
@@ -154,14 +180,20 @@ void Background::remove_leaf(const SensorView& view, LeafAddress leaf) {
 }
 
 void Background::hit(const SensorView& view, LeafAddress leaf, int hits_needed) {
-  if (leaf == kNoLeaf || !this_round_.insert(leaf)) return;
+  if (leaf == kNoLeaf || !rounds_seen_.current().insert(leaf)) return;
   LeafEvidence* evidence = evidence_.find_or_add(leaf);
   if (evidence == nullptr) return;
   evidence->hits = static_cast<std::uint8_t>(std::min(evidence->hits + 1, kHitsMax));
   if (evidence->hits >= hits_needed) {
     evidence->frees = 0;
     add_leaf(view, leaf);
+    return;
   }
+  const BrickAddress brick = leaf / static_cast<std::uint32_t>(kBrickLeaves);
+  const std::uint64_t bit = std::uint64_t{1} << (brick % 64);
+  if ((candidate_[brick / 64] & bit) != 0) return;
+  candidate_[brick / 64] |= bit;
+  (void)candidates_.try_push_back(brick);  // there is room for every brick of the grid
 }
 
 void Background::observe_new(const SensorView& view, DepthImage image,
@@ -214,6 +246,8 @@ void Background::observe_free(const SensorView& view, DepthImage image, float ro
     leaves_.visit_brick(brick, [&](LeafAddress leaf) {
       LeafEvidence* evidence = evidence_.find_or_add(leaf);
       if (evidence == nullptr) return;
+      const bool strong = evidence->hits == kHitsMax;
+      if (strong && (rounds_ + brick) % kStrongRounds != 0) return;
       switch (look(view, image, leaf)) {
         case Seen::kNothing:
           return;
@@ -223,7 +257,9 @@ void Background::observe_free(const SensorView& view, DepthImage image, float ro
                                                 : std::uint8_t{0};
           return;
         case Seen::kThrough:
-          if (++evidence->frees >= kFreesMin + evidence->hits / kHitsPerFree) {
+          evidence->frees =
+              static_cast<std::uint8_t>(evidence->frees + (strong ? kStrongRounds : 1));
+          if (evidence->frees >= kFreesMin + evidence->hits / kHitsPerFree) {
             remove_leaf(view, leaf);
           }
           return;

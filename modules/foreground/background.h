@@ -59,10 +59,11 @@ class Background {
   void add_leaf(const SensorView& view, LeafAddress leaf);
   void remove_leaf(const SensorView& view, LeafAddress leaf);
   void hit(const SensorView& view, LeafAddress leaf, int hits_needed);
-  void fade_candidates();
+  void forget_candidates();
+  void fade_candidates(float round_share);
 
   BitOctree leaves_;
-  BitOctree this_round_;  // leaves that got their vote of this round
+  ChangeOctree rounds_seen_;  // leaves that got their vote of this round and of the one before
   EvidencePool evidence_;
   RayThresholds thresholds_;
   std::unique_ptr<std::uint8_t[]> empty_rounds_;  // by pixel
@@ -70,7 +71,10 @@ class Background {
   bool started_ = false;
   bool slow_frames_ = false;  // a frame is a round
   HostTime last_instant_{}, round_start_{};
-  std::size_t next_leaf_brick_ = 0, next_pixel_ = 0;
+  BoundedVector<BrickAddress> candidates_;      // bricks with hits in leaves that are no background
+  std::unique_ptr<std::uint64_t[]> candidate_;  // a bit a brick: it is in candidates_
+  std::size_t next_leaf_brick_ = 0, next_pixel_ = 0, next_candidate_ = 0;
+  float fade_share_ = 0;
   std::uint32_t gathered_ = 0;
 };
 

@@ -68,7 +68,8 @@ bool Background::load(const SensorView& view, std::span<const std::byte> bytes) 
   if (!reader.get(count)) return false;
   if (reader.left() != std::size_t{count} * 5 + open.size() * 8) return false;
   leaves_.clear();
-  this_round_.clear();
+  rounds_seen_.current().clear();
+  forget_candidates();
   evidence_.clear();
   for (std::uint32_t i = 0; i < count; ++i) {
     LeafAddress leaf = 0;

@@ -32,15 +32,19 @@ void copy_bits(std::span<std::uint64_t> to, std::span<const std::uint64_t> from,
 
 }  // namespace
 
-BlobFinder::BlobFinder(const SensorView& view, double blob_area_min_m2, double voxel_m)
+BlobFinder::BlobFinder(const SensorView& view, double blob_area_min_m2, double large_area_m2,
+                       double voxel_m)
     : area_min_(static_cast<float>(blob_area_min_m2)),
+      large_area_(static_cast<float>(large_area_m2)),
       leaf_pixels_at_1m_(static_cast<float>(voxel_m * voxel_m) / view.pixel_area()),
       width_(static_cast<std::size_t>(view.width())),
       jump_(std::make_unique<std::uint16_t[]>(std::size_t{view.depth().raw_far()} + 1)),
       runs_(kRunsMax),
       components_(std::make_unique<Component[]>(kRunsMax)),
       by_blob_(kRunsMax),
+      large_mask_((view.pixel_count() + 63) / 64),
       voxels_(kSensorPointsMax, voxel_m) {
+  large_mask_.resize(large_mask_.capacity());
   const DepthModel& depth = view.depth();
   const float per_unit = depth.z(depth.raw_far()) - depth.z(depth.raw_far() - 1);
   for (std::uint16_t raw = 0; raw < depth.raw_far(); ++raw) {
@@ -55,6 +59,7 @@ void BlobFinder::find(const SensorView& view, DepthImage image,
                       Foreground& out) {
   std::fill(out.mask.begin(), out.mask.end(), std::uint64_t{0});
   std::fill(rejected.begin(), rejected.end(), std::uint64_t{0});
+  std::fill(large_mask_.begin(), large_mask_.end(), std::uint64_t{0});
   out.blobs.clear();
   out.points.clear();
   out.points_dropped = 0;
@@ -202,6 +207,9 @@ void BlobFinder::write_mask(std::span<const std::uint64_t> foreground,
       copy_bits(rejected, foreground, row + run.first, row + run.last);
     } else {
       copy_bits(out.mask.span(), {}, row + run.first, row + run.last);
+      if (components_[run.parent].area >= large_area_) {
+        copy_bits(large_mask_.span(), {}, row + run.first, row + run.last);
+      }
       ++starts[static_cast<std::size_t>(blob) + 1];
     }
   }

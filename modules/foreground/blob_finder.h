@@ -17,7 +17,7 @@ namespace wagonsight {
 // Run-length union-find (He, Chao and Suzuki 2008). Allocates in the constructor only.
 class BlobFinder {
  public:
-  BlobFinder(const SensorView& view, double blob_area_min_m2, double voxel_m);
+  BlobFinder(const SensorView& view, double blob_area_min_m2, double large_area_m2, double voxel_m);
 
   // Components over `foreground` or `unknown` pixels. One is kept when its foreground pixels alone
   // reach the area and are at least a quarter of it; its unknown pixels are then kept with it.
@@ -27,6 +27,8 @@ class BlobFinder {
             std::span<const std::uint64_t> unknown, std::span<std::uint64_t> rejected,
             Foreground& out);
 
+  // Pixels of the last image's kept blobs of at least large_area_m2.
+  std::span<const std::uint64_t> large_mask() const { return large_mask_.span(); }
   std::uint64_t runs_dropped() const { return runs_dropped_; }
 
  private:
@@ -55,12 +57,13 @@ class BlobFinder {
                   Foreground& out);
   void reduce(const SensorView& view, DepthImage image, Foreground& out);
 
-  float area_min_, leaf_pixels_at_1m_;
+  float area_min_, large_area_, leaf_pixels_at_1m_;
   std::size_t width_;
   std::unique_ptr<std::uint16_t[]> jump_;  // raw units, by raw reading
   BoundedVector<Run> runs_;
   std::unique_ptr<Component[]> components_;  // by root run
   BoundedVector<std::uint32_t> by_blob_;     // kept runs, blob by blob
+  BoundedVector<std::uint64_t> large_mask_;
   VoxelGrid voxels_;
   std::uint64_t runs_dropped_ = 0;
 };

@@ -15,10 +15,8 @@ namespace {
 // known with its noise.
 constexpr double kMargin_m = 0.3;
 constexpr double kGatherPeriod_s = 0.1;
-// A pixel that sees farther than ever for so long, and finds nothing that stays, looks at somebody
-// who walks away.
-constexpr float kUnknownAge_s = 0.45F;
-constexpr float kAgeUnit_s = 0.02F;
+// A blob below this is as likely flicker as a hand; persons are larger.
+constexpr float kSmallBlob_m2 = 0.1F;
 // Learning counts at least so many rounds, however fast the clock runs.
 constexpr std::uint32_t kRoundsMin = 5;
 
@@ -56,19 +54,18 @@ ForegroundExtractor::ForegroundExtractor(const RigSensor& sensor, RayTable rays,
     : options_(options),
       view_(sensor, rays, wagon, grid, options.noise_sigmas),
       background_(view_),
-      blobs_(view_, options.blob_area_min_m2, options.voxel_m),
+      memory_(view_),
+      blobs_(view_, options.blob_area_min_m2, kSmallBlob_m2, options.voxel_m),
       foreground_((rays.size() + 63) / 64),
       unknown_(foreground_.capacity()),
-      unknown_before_(foreground_.capacity()),
+      restless_(foreground_.capacity()),
+      small_(foreground_.capacity()),
       rejected_(foreground_.capacity()),
-      scratch_(foreground_.capacity()),
-      unknown_age_(rays.size()) {
-  for (auto* bits : {&foreground_, &unknown_, &unknown_before_, &rejected_, &scratch_}) {
+      scratch_(foreground_.capacity()) {
+  for (auto* bits : {&foreground_, &unknown_, &restless_, &small_, &rejected_, &scratch_}) {
     bits->resize(bits->capacity());
     std::fill(bits->begin(), bits->end(), std::uint64_t{0});
   }
-  unknown_age_.resize(unknown_age_.capacity());
-  std::fill(unknown_age_.begin(), unknown_age_.end(), std::uint8_t{0});
 }
 
 void ForegroundExtractor::learn(DepthImage image, HostTime instant) {
@@ -97,17 +94,25 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
   out.background_known = has_background_;
   if (!has_background_) {
     background_.assume(view_, image);
+    memory_.distrust_edges(view_, image);
     has_background_ = true;
   }
   background_.thresholds().classify(view_, background_.leaves(), image, foreground_.span(),
                                     unknown_.span());
   drop_masked(image);
-  promote_lasting_unknown(frame_s);
+  memory_.promote_moving(view_, image, frame_s, foreground_.span(), unknown_.span());
   drop_lonely();
+  // Restless pixels belong to a body when sure ones do, but make none by themselves.
+  memory_.set_aside(foreground_.span(), restless_.span());
+  for (std::size_t word = 0; word < unknown_.size(); ++word) unknown_[word] |= restless_[word];
   blobs_.find(view_, image, foreground_.span(), unknown_.span(), rejected_.span(), out);
+  remember(round_share);
 
   // Only what is no part of anybody is evidence for background.
-  for (std::size_t word = 0; word < unknown_.size(); ++word) unknown_[word] &= ~out.mask[word];
+  for (std::size_t word = 0; word < unknown_.size(); ++word) {
+    unknown_[word] &= ~(out.mask[word] | restless_[word]);
+    rejected_[word] |= restless_[word] & ~out.mask[word];
+  }
   background_.observe_new(view_, image, unknown_.span(), rejected_.span());
   background_.observe_free(view_, image, round_share);
   const auto rounds_needed =
@@ -115,6 +120,14 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
   background_.observe_empty(view_, image, round_share, rounds_needed);
   background_.refresh(view_, round_share);
   if (background_.rounds() >= static_cast<std::uint32_t>(rounds_needed)) learning_ = false;
+}
+
+void ForegroundExtractor::remember(float round_share) {
+  for (std::size_t word = 0; word < foreground_.size(); ++word) {
+    scratch_[word] = foreground_[word] | restless_[word];
+    small_[word] = scratch_[word] & ~blobs_.large_mask()[word];
+  }
+  memory_.observe(small_.span(), scratch_.span(), round_share);
 }
 
 void ForegroundExtractor::drop_masked(DepthImage image) {
@@ -127,28 +140,6 @@ void ForegroundExtractor::drop_masked(DepthImage image) {
       foreground_[word] &= ~(std::uint64_t{1} << place);
       unknown_[word] &= ~(std::uint64_t{1} << place);
     }
-  }
-}
-
-void ForegroundExtractor::promote_lasting_unknown(float frame_s) {
-  const int step = std::clamp(static_cast<int>(frame_s / kAgeUnit_s + 0.5F), 1, 255);
-  const int old = static_cast<int>(kUnknownAge_s / kAgeUnit_s);
-  for (std::size_t word = 0; word < unknown_.size(); ++word) {
-    for (std::uint64_t rest = unknown_before_[word] & ~unknown_[word]; rest != 0;
-         rest &= rest - 1) {
-      unknown_age_[word * 64 + static_cast<std::size_t>(std::countr_zero(rest))] = 0;
-    }
-    const std::uint64_t now = unknown_[word];
-    for (std::uint64_t rest = now; rest != 0; rest &= rest - 1) {
-      const auto place = static_cast<std::size_t>(std::countr_zero(rest));
-      std::uint8_t& age = unknown_age_[word * 64 + place];
-      const bool before = ((unknown_before_[word] >> place) & 1) != 0;
-      age = static_cast<std::uint8_t>(std::min(255, before ? age + step : 1));
-      if (age < old) continue;
-      foreground_[word] |= std::uint64_t{1} << place;
-      unknown_[word] &= ~(std::uint64_t{1} << place);
-    }
-    unknown_before_[word] = now;
   }
 }
 

@@ -11,6 +11,7 @@
 #include "foreground/background.h"
 #include "foreground/blob_finder.h"
 #include "foreground/foreground.h"
+#include "foreground/pixel_memory.h"
 #include "foreground/sensor_view.h"
 #include "frame/image.h"
 #include "rig/ray_table.h"
@@ -70,16 +71,17 @@ class ForegroundExtractor {
  private:
   ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
                       const LeafGrid& grid, const ForegroundOptions& options);
-  void promote_lasting_unknown(float frame_s);
+  void remember(float round_share);
   void drop_masked(DepthImage image);
   void drop_lonely();
 
   ForegroundOptions options_;
   SensorView view_;
   Background background_;
+  PixelMemory memory_;
   BlobFinder blobs_;
-  BoundedVector<std::uint64_t> foreground_, unknown_, unknown_before_, rejected_, scratch_;
-  BoundedVector<std::uint8_t> unknown_age_;  // by pixel, in 20 ms
+  // A bit a pixel each; members, so that a frame allocates nothing.
+  BoundedVector<std::uint64_t> foreground_, unknown_, restless_, small_, rejected_, scratch_;
   bool learning_ = true;
   bool has_background_ = false;
   bool gathered_any_ = false;

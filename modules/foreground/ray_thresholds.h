@@ -53,7 +53,7 @@ class RayThresholds {
   std::size_t tile_count() const { return tiles_x_ * tiles_y_; }
 
  private:
-  static constexpr std::size_t kTile = 16;  // pixels along u and v
+  static constexpr std::size_t kTile = 4;  // pixels along u and v; a leaf covers 2 to 12
 
   struct Intervals {  // two at most; `more`: there are others beyond them, up to `last`
     RawInterval first, second;

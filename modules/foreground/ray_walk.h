@@ -10,7 +10,7 @@ namespace wagonsight {
 
 // Walks a pixel's ray through the leaves of an octree from depth z_from to z_to and calls
 // visit(z_enter, z_leave) for every leaf that is set, nearest first, until it returns false.
-// Amanatides and Woo 1987, on three levels: an empty block of 32 leaves or brick of 8 is one step.
+// Amanatides and Woo 1987, on the octree's levels: an empty node is one step.
 template <class Visit>
 void walk_ray(const SensorView& view, const BitOctree& octree, std::size_t pixel, float z_from,
               float z_to, Visit&& visit) {
@@ -41,12 +41,7 @@ void walk_ray(const SensorView& view, const BitOctree& octree, std::size_t pixel
   float z = enter;
   while (z < leave) {
     const LeafAddress address = grid.address(cell);
-    int size = 1;
-    if (!octree.block_occupied(address >> 15)) {
-      size = 32;
-    } else if (!octree.brick_occupied(address >> 9)) {
-      size = 8;
-    }
+    const int size = octree.empty_node(address);
     // Where the ray leaves this node: the nearest of its three far faces.
     std::size_t out_axis = 0;
     float out = INFINITY;

@@ -48,6 +48,15 @@ class BitOctree {
     return ((blocks_[brick >> 6] >> (brick & 63)) & 1) != 0;
   }
   bool block_occupied(std::uint32_t block) const { return blocks_[block] != 0; }
+  // The side, in leaves, of the largest empty node that holds this leaf: 32, 8, 4, 2, or 1 when its
+  // own 2 x 2 x 2 node has a leaf.
+  int empty_node(LeafAddress address) const {
+    if (blocks_[address >> 15] == 0) return 32;
+    if (!brick_occupied(address >> 9)) return 8;
+    const std::uint64_t word = words_[address >> 6];
+    if (word == 0) return 4;
+    return ((word >> (address & 56)) & 0xFF) == 0 ? 2 : 1;
+  }
   // Every brick that has had a leaf since the last clear(), once each, in the order it got its
   // first; a brick whose leaves were all erased stays until it is cleared.
   std::span<const BrickAddress> touched() const { return touched_.span(); }

@@ -189,18 +189,16 @@ Bounds find_inside(std::span<const Eigen::Vector3f> points_W, double height_max)
     for (const Eigen::Vector3f& p : points_W) {
       if (p.z() > -0.2F && p.z() < static_cast<float>(height_max)) along.push_back(p[axis]);
     }
-    if (along.empty()) {
-      inside.min[axis] = -1;
-      inside.max[axis] = 1;
-      continue;
-    }
+    if (along.empty()) along.push_back(0.0F);
     const auto at = [&](std::size_t index) {
       std::nth_element(along.begin(), along.begin() + static_cast<std::ptrdiff_t>(index),
                        along.end());
       return static_cast<double>(along[index]);
     };
-    inside.min[axis] = at(along.size() / 100) - kInsideMargin_m;
-    inside.max[axis] = at(along.size() - 1 - along.size() / 100) + kInsideMargin_m;
+    // The sensor itself is inside: somebody may stand before it where no floor is seen.
+    inside.min[axis] = std::min(0.0, at(along.size() / 100)) - kInsideMargin_m;
+    inside.max[axis] =
+        std::max(0.0, at(along.size() - 1 - along.size() / 100)) + kInsideMargin_m;
   }
   return inside;
 }

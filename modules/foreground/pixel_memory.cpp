@@ -1,0 +1,130 @@
+#include "foreground/pixel_memory.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdlib>
+
+namespace wagonsight {
+namespace {
+
+constexpr float kStillUnit_s = 0.02F;
+// Unknown depth that stays for so long is a surface that was uncovered.
+constexpr float kSettled_s = 0.4F;
+// Two moves are somebody; one is a surface that was uncovered.
+constexpr std::uint8_t kMovesMin = 2;
+// A flicker adds so much unrest, a round of a quarter of a second takes one away: two flickers
+// within four seconds make a pixel restless, and it stays so while it flickers every ten seconds.
+constexpr int kUnrestPerFlicker = 40;
+constexpr int kUnrestMax = 60;
+constexpr int kUnrestOfEdges = 72;
+constexpr int kEdgeReach = 2;  // pixels
+
+template <class Visit>
+void visit_bits(std::uint64_t bits, Visit&& visit) {
+  for (; bits != 0; bits &= bits - 1) visit(static_cast<std::size_t>(std::countr_zero(bits)));
+}
+
+}  // namespace
+
+PixelMemory::PixelMemory(const SensorView& view)
+    : unknown_(view.pixel_count()),
+      unknown_before_((view.pixel_count() + 63) / 64),
+      foreground_before_(unknown_before_.capacity()),
+      restless_(unknown_before_.capacity()),
+      unrest_(view.pixel_count()) {
+  unknown_.resize(unknown_.capacity());
+  unrest_.resize(unrest_.capacity());
+  for (auto* bits : {&unknown_before_, &foreground_before_, &restless_}) {
+    bits->resize(bits->capacity());
+  }
+}
+
+void PixelMemory::distrust_edges(const SensorView& view, DepthImage image) {
+  const DepthModel& depth = view.depth();
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) {
+      const std::uint16_t here = image.at(u, v);
+      const std::uint16_t known = std::min(here, depth.raw_far());
+      bool edge = here == 0;
+      for (int i = -kEdgeReach; i <= kEdgeReach && !edge; i += kEdgeReach) {
+        for (int j = -kEdgeReach; j <= kEdgeReach && !edge; j += kEdgeReach) {
+          if (u + i < 0 || v + j < 0 || u + i >= image.width || v + j >= image.height) continue;
+          const std::uint16_t there = image.at(u + i, v + j);
+          edge = there == 0 || std::abs(depth.z(std::min(there, depth.raw_far())) -
+                                        depth.z(known)) > 2 * depth.tolerance(known);
+        }
+      }
+      if (!edge) continue;
+      const std::size_t pixel = image.index(u, v);
+      unrest_[pixel] = kUnrestOfEdges;
+      restless_[pixel / 64] |= std::uint64_t{1} << (pixel % 64);
+    }
+  }
+}
+
+void PixelMemory::promote_moving(const SensorView& view, DepthImage image, float frame_s,
+                                 std::span<std::uint64_t> foreground,
+                                 std::span<std::uint64_t> unknown) {
+  const int step = std::clamp(static_cast<int>(frame_s / kStillUnit_s + 0.5F), 1, 255);
+  const int settled = static_cast<int>(kSettled_s / kStillUnit_s);
+  for (std::size_t word = 0; word < unknown.size(); ++word) {
+    const std::uint64_t now = unknown[word], before = unknown_before_[word];
+    visit_bits(now, [&](std::size_t place) {
+      const std::size_t pixel = word * 64 + place;
+      Unknown& memory = unknown_[pixel];
+      const std::uint16_t raw = image.pixels[pixel];
+      if (((before >> place) & 1) == 0) {
+        memory = {raw, 0, 0};
+        return;
+      }
+      const float moved = std::abs(view.depth().z(raw) - view.depth().z(memory.depth));
+      if (moved > view.depth().tolerance(raw)) {
+        memory.depth = raw;
+        memory.still = 0;
+        if (memory.moves < UINT8_MAX) ++memory.moves;
+      } else {
+        memory.still = static_cast<std::uint8_t>(std::min(255, memory.still + step));
+        if (memory.still >= settled) memory.moves = 0;
+      }
+      if (memory.moves < kMovesMin) return;
+      foreground[word] |= std::uint64_t{1} << place;
+      unknown[word] &= ~(std::uint64_t{1} << place);
+    });
+    unknown_before_[word] = now;
+  }
+}
+
+void PixelMemory::set_aside(std::span<std::uint64_t> foreground,
+                            std::span<std::uint64_t> restless) const {
+  for (std::size_t word = 0; word < foreground.size(); ++word) {
+    restless[word] = foreground[word] & restless_[word];
+    foreground[word] &= ~restless_[word];
+  }
+}
+
+void PixelMemory::observe(std::span<const std::uint64_t> small, std::span<const std::uint64_t> all,
+                          float round_share) {
+  for (std::size_t word = 0; word < small.size(); ++word) {
+    visit_bits(small[word] & ~foreground_before_[word], [&](std::size_t place) {
+      std::uint8_t& unrest = unrest_[word * 64 + place];
+      unrest = static_cast<std::uint8_t>(std::min(255, unrest + kUnrestPerFlicker));
+      if (unrest > kUnrestMax) restless_[word] |= std::uint64_t{1} << place;
+    });
+    foreground_before_[word] = all[word];
+  }
+  const std::size_t words = restless_.size();
+  auto count = static_cast<std::size_t>(std::ceil(round_share * static_cast<float>(words)));
+  for (; count > 0; --count, ++next_word_) {
+    if (next_word_ >= words) next_word_ = 0;
+    const std::size_t end = std::min(unrest_.size(), next_word_ * 64 + 64);
+    for (std::size_t pixel = next_word_ * 64; pixel < end; ++pixel) {
+      if (unrest_[pixel] == 0) continue;
+      if (--unrest_[pixel] == kUnrestMax) {
+        restless_[next_word_] &= ~(std::uint64_t{1} << (pixel % 64));
+      }
+    }
+  }
+}
+
+}  // namespace wagonsight

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "base/bounded_vector.h"
+#include "foreground/sensor_view.h"
+#include "frame/image.h"
+
+namespace wagonsight {
+
+// What the last frames of each pixel say about trusting it: who sees ever farther without settling
+// looks at somebody who walks away; who flickers in small spots looks at an edge, a plant or a
+// screen. Allocates in the constructor only.
+class PixelMemory {
+ public:
+  explicit PixelMemory(const SensorView& view);
+
+  // Edges and the borders of holes flicker; they are not trusted until a few seconds have passed.
+  void distrust_edges(const SensorView& view, DepthImage image);
+  // Moves pixels from `unknown` to `foreground` that see beyond all background and saw another depth
+  // in each of the frames before.
+  void promote_moving(const SensorView& view, DepthImage image, float frame_s,
+                      std::span<std::uint64_t> foreground, std::span<std::uint64_t> unknown);
+  // Moves restless pixels from `foreground` to `restless`.
+  void set_aside(std::span<std::uint64_t> foreground, std::span<std::uint64_t> restless) const;
+  // `small` are foreground pixels in no or only a small blob; those that were none in the frame
+  // before count as a flicker. Time heals: `round_share` of the pixels become a bit calmer.
+  void observe(std::span<const std::uint64_t> small, std::span<const std::uint64_t> all,
+               float round_share);
+
+ private:
+  struct Unknown {  // of a pixel that sees beyond all background
+    std::uint16_t depth = 0;  // where it last moved to, raw
+    std::uint8_t moves = 0;
+    std::uint8_t still = 0;  // since then, in 20 ms
+  };
+
+  BoundedVector<Unknown> unknown_;
+  BoundedVector<std::uint64_t> unknown_before_, foreground_before_;
+  BoundedVector<std::uint64_t> restless_;  // a bit a pixel: unrest_ is above the limit
+  BoundedVector<std::uint8_t> unrest_;
+  std::size_t next_word_ = 0;
+};
+
+}  // namespace wagonsight
