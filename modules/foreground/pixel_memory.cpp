@@ -11,6 +11,9 @@ namespace {
 constexpr float kStillUnit_s = 0.02F;
 // Unknown depth that stays for so long is a surface that was uncovered.
 constexpr float kSettled_s = 0.4F;
+// Nobody walks away faster; a larger step is from somebody to what was behind him.
+constexpr float kSpeedMax_m_s = 2.0F;
+constexpr float kJump_m = 0.3F;
 // Two moves are somebody; one is a surface that was uncovered.
 constexpr std::uint8_t kMovesMin = 2;
 // A flicker adds so much unrest, a round of a quarter of a second takes one away: two flickers
@@ -68,6 +71,7 @@ void PixelMemory::promote_moving(const SensorView& view, DepthImage image, float
                                  std::span<std::uint64_t> unknown) {
   const int step = std::clamp(static_cast<int>(frame_s / kStillUnit_s + 0.5F), 1, 255);
   const int settled = static_cast<int>(kSettled_s / kStillUnit_s);
+  const float jump_m = std::max(kJump_m, frame_s * kSpeedMax_m_s);
   for (std::size_t word = 0; word < unknown.size(); ++word) {
     const std::uint64_t now = unknown[word], before = unknown_before_[word];
     visit_bits(now, [&](std::size_t place) {
@@ -79,7 +83,9 @@ void PixelMemory::promote_moving(const SensorView& view, DepthImage image, float
         return;
       }
       const float moved = std::abs(view.depth().z(raw) - view.depth().z(memory.depth));
-      if (moved > view.depth().tolerance(raw)) {
+      if (moved > jump_m) {
+        memory = {raw, 0, 0};
+      } else if (moved > view.depth().tolerance(raw)) {
         memory.depth = raw;
         memory.still = 0;
         if (memory.moves < UINT8_MAX) ++memory.moves;

@@ -18,8 +18,8 @@ class PixelMemory {
 
   // Edges and the borders of holes flicker; they are not trusted until a few seconds have passed.
   void distrust_edges(const SensorView& view, DepthImage image);
-  // Moves pixels from `unknown` to `foreground` that see beyond all background and saw another depth
-  // in each of the frames before.
+  // Moves pixels from `unknown` to `foreground` that see beyond all background and saw another
+  // depth in each of the frames before.
   void promote_moving(const SensorView& view, DepthImage image, float frame_s,
                       std::span<std::uint64_t> foreground, std::span<std::uint64_t> unknown);
   // Moves restless pixels from `foreground` to `restless`.
@@ -30,7 +30,7 @@ class PixelMemory {
                float round_share);
 
  private:
-  struct Unknown {  // of a pixel that sees beyond all background
+  struct Unknown {            // of a pixel that sees beyond all background
     std::uint16_t depth = 0;  // where it last moved to, raw
     std::uint8_t moves = 0;
     std::uint8_t still = 0;  // since then, in 20 ms

@@ -147,8 +147,7 @@ void RayThresholds::leaf_changed(const SensorView& view, LeafAddress leaf) {
   // A pixel more for the rounding of rays and of this projection.
   // Off the axis a ball's outline is longer than on it.
   const float stretch = (centre - view.origin_W()).norm() / seen->z;
-  const float radius =
-      view.focal() * half_diagonal * stretch / (seen->z - half_diagonal) + 1.0F;
+  const float radius = view.focal() * half_diagonal * stretch / (seen->z - half_diagonal) + 1.0F;
   const auto tile_of = [](float pixel, std::size_t tiles) {
     const float tile = std::floor(pixel / static_cast<float>(kTile));
     return static_cast<std::size_t>(std::clamp(tile, 0.0F, static_cast<float>(tiles - 1)));

@@ -197,8 +197,7 @@ Bounds find_inside(std::span<const Eigen::Vector3f> points_W, double height_max)
     };
     // The sensor itself is inside: somebody may stand before it where no floor is seen.
     inside.min[axis] = std::min(0.0, at(along.size() / 100)) - kInsideMargin_m;
-    inside.max[axis] =
-        std::max(0.0, at(along.size() - 1 - along.size() / 100)) + kInsideMargin_m;
+    inside.max[axis] = std::max(0.0, at(along.size() - 1 - along.size() / 100)) + kInsideMargin_m;
   }
   return inside;
 }
