@@ -4,8 +4,8 @@
 #include <bit>
 
 #include "rig/blob.h"
-#include "sample_rig.h"
 #include "support/blob_reseal.h"
+#include "support/sample_rig.h"
 
 namespace wagonsight {
 namespace {

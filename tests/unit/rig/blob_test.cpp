@@ -6,8 +6,8 @@
 #include <cstring>
 #include <limits>
 
-#include "sample_rig.h"
 #include "support/blob_reseal.h"
+#include "support/sample_rig.h"
 
 namespace wagonsight {
 namespace {
