@@ -1,0 +1,215 @@
+#include "status/health.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "snapshot/json_lines.h"
+
+namespace wagonsight {
+namespace {
+
+class Assessment {
+ public:
+  explicit Assessment(Health& health) : health_(health) {}
+
+  void fault(std::string_view id, std::string_view subject, Verdict weight, std::string cause,
+             std::string next_action) {
+    health_.faults.push_back(
+        {std::string(id), std::string(subject), weight, std::move(cause), std::move(next_action)});
+  }
+  void check(std::string name, bool passed, std::string detail) {
+    health_.checks.push_back({std::move(name), passed, std::move(detail)});
+  }
+
+ private:
+  Health& health_;
+};
+
+std::string duration_text(double seconds) {
+  if (seconds < 120) return fmt::format("{:.0f} s", std::max(0.0, seconds));
+  if (seconds < 7200) return fmt::format("{:.0f} min", seconds / 60);
+  return fmt::format("{:.0f} h", seconds / 3600);
+}
+
+bool is_running(const SensorStatus& sensor) {
+  return sensor.state == SensorState::kOk || sensor.state == SensorState::kDegraded ||
+         sensor.state == SensorState::kLearning;
+}
+
+void judge_sensor_rate(Assessment& out, const SensorStatus& sensor, const HealthLimits& limits) {
+  const std::string name(sensor.name.view());
+  if (sensor.expected_fps > 0 && sensor.fps < limits.rate_share_min * sensor.expected_fps)
+    out.fault(
+        "sensor_rate_low", name, Verdict::kDegraded,
+        fmt::format("Sensor {} gives {:.1f} instead of {:.0f} frames a second.", name, sensor.fps,
+                    sensor.expected_fps),
+        "Check that the sensor has a USB or 1394 bus of its own and that its cable is whole.");
+  if (sensor.dropped_share > limits.dropped_share_max)
+    out.fault("sensor_drops", name, Verdict::kDegraded,
+              fmt::format("Sensor {} lost {:.1f}% of its frames in the last ten seconds.", name,
+                          100 * sensor.dropped_share),
+              "Look at the stage timings: if they are within 33 ms, check the cable and the bus.");
+  if (std::abs(sensor.skew_ms) > limits.skew_ms_max)
+    out.fault(
+        "sensor_skew", name, Verdict::kDegraded,
+        fmt::format("Sensor {} is {:.1f} ms away from the common instant.", name, sensor.skew_ms),
+        "Restart the unit; if it stays, the sensor's clock drifts and it needs replacing.");
+}
+
+void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus& sensor,
+                  const HealthLimits& limits) {
+  const std::string name(sensor.name.view());
+  if (sensor.state == SensorState::kLost) {
+    const std::string since = sensor.frames == 0
+                                  ? std::string("has never given a frame")
+                                  : fmt::format("has been silent for {}",
+                                                duration_text(snapshot.time - sensor.last_good));
+    out.fault(
+        "sensor_lost", name, Verdict::kDegraded, fmt::format("Sensor {} {}.", name, since),
+        fmt::format("Check the cable and the power of {}; it is taken up again by itself.", name));
+  } else if (is_running(sensor)) {
+    judge_sensor_rate(out, sensor, limits);
+  }
+  if (sensor.has_temperature && sensor.temperature_c > limits.temperature_c_max)
+    out.fault("sensor_hot", name, Verdict::kDegraded,
+              fmt::format("Sensor {} has {:.0f} degrees Celsius.", name, sensor.temperature_c),
+              "Clear its air vents and check the wagon's air conditioning.");
+  if (sensor.rms_px > limits.calibration_rms_px_max)
+    out.fault("calibration_poor", name, Verdict::kDegraded,
+              fmt::format("Sensor {} was calibrated to {:.2f} pixels only.", name, sensor.rms_px),
+              "Calibrate again with more views of the board.");
+  out.check(fmt::format("sensor {}", name), is_running(sensor),
+            fmt::format("{}, {:.1f} of {:.0f} fps", to_text(sensor.state), sensor.fps,
+                        sensor.expected_fps));
+}
+
+void judge_sensors(Assessment& out, const Snapshot& snapshot, const HealthLimits& limits) {
+  for (const SensorStatus& sensor : snapshot.sensors) judge_sensor(out, snapshot, sensor, limits);
+  if (snapshot.sensors.empty()) {
+    out.fault("no_sensor", "", Verdict::kFailed, "No sensor is configured.",
+              "Run `wagonsight devices` and paste its lines into the configuration.");
+    return;
+  }
+  const auto lost = [](const SensorStatus& s) { return s.state == SensorState::kLost; };
+  if (std::all_of(snapshot.sensors.begin(), snapshot.sensors.end(), lost))
+    out.fault("all_sensors_lost", "", Verdict::kFailed, "No sensor gives frames.",
+              "Check the power of the sensors first, then the unit's USB and 1394 buses.");
+}
+
+void judge_pipeline(Assessment& out, const Snapshot& snapshot, const HealthLimits& limits) {
+  const double age_s = snapshot.time - snapshot.frame.time;
+  const bool fresh = snapshot.framesets > 0 && age_s <= limits.frame_age_s_max;
+  if (!fresh && snapshot.time > limits.frame_age_s_max)
+    out.fault("pipeline_late", "", Verdict::kFailed,
+              snapshot.framesets == 0
+                  ? std::string("No frame has been worked on yet.")
+                  : fmt::format("The newest answer is {} old.", duration_text(age_s)),
+              "If the sensors give frames, fetch the diagnostics and restart the unit.");
+  if (snapshot.framesets_dropped_share > limits.dropped_share_max)
+    out.fault("pipeline_drops", "", Verdict::kDegraded,
+              fmt::format("The pipeline skipped {:.1f}% of the instants of the last ten seconds.",
+                          100 * snapshot.framesets_dropped_share),
+              "Look at the stage timings for the slow step, and stop what else runs on the unit.");
+  if (snapshot.learning)
+    out.fault("learning", "", Verdict::kDegraded,
+              "The empty wagon is still being learned, so nobody is counted yet.",
+              "Wait a few seconds; if people stand still in view, ask them to move.");
+  out.check("pipeline", fresh, fmt::format("{:.1f} instants a second", snapshot.frameset_rate));
+  out.check("background", !snapshot.learning, snapshot.learning ? "learning" : "known");
+}
+
+void judge_calibration(Assessment& out, const Snapshot& snapshot) {
+  const CalibrationStatus& calibration = snapshot.calibration;
+  if (!calibration.present)
+    out.fault("no_calibration", "", Verdict::kDegraded, "The sensors are not calibrated.",
+              "Run wagonsight-calibrate and name its file with --rig.");
+  if (calibration.drift_alarm)
+    out.fault("drift", "", Verdict::kDegraded,
+              fmt::format("A sensor has moved since it was calibrated: {}",
+                          calibration.drift_text.view()),
+              "Fix the sensor's mount, then calibrate again.");
+  out.check("calibration", calibration.present,
+            std::string(calibration.present ? calibration.source.view() : "none"));
+}
+
+void judge_unit(Assessment& out, const Snapshot& snapshot, const UnitInfo& unit) {
+  constexpr double kMebibyte = 1024.0 * 1024.0;
+  if (unit.resident_limit > 0 && snapshot.resident_bytes > unit.resident_limit)
+    out.fault("memory", "", Verdict::kDegraded,
+              fmt::format("The daemon uses {:.1f} MB of memory; {:.0f} MB were planned.",
+                          static_cast<double>(snapshot.resident_bytes) / kMebibyte,
+                          static_cast<double>(unit.resident_limit) / kMebibyte),
+              "Fetch the diagnostics and report this; the unit keeps working.");
+  if (snapshot.allocations_sealed > 0)
+    out.fault("allocation", "", Verdict::kOk,
+              fmt::format("The data path allocated memory {} times after start-up.",
+                          snapshot.allocations_sealed),
+              "Fetch the diagnostics and report this; the unit keeps working.");
+  if (snapshot.slots_capacity > 0 && snapshot.slots_in_use == snapshot.slots_capacity)
+    out.fault("frame_slots", "", Verdict::kDegraded, "Every frame buffer is in use.",
+              "Look at the stage timings: the pipeline does not keep up with the sensors.");
+  if (snapshot.unix_time <= 0)
+    out.fault("time_unsynchronised", "", Verdict::kOk,
+              "The unit's clock is not synchronised, so times are counted from its start.",
+              "Connect the unit to the train's time server.");
+}
+
+void judge_freshness(Assessment& out, const StatusInput& input, const HealthLimits& limits) {
+  const bool published = input.snapshot != nullptr;
+  const bool fresh = published && input.snapshot_age_s <= limits.snapshot_age_s_max;
+  if (!fresh)
+    out.fault("daemon_silent", "", Verdict::kFailed,
+              published ? fmt::format("The daemon has said nothing for {}.",
+                                      duration_text(input.snapshot_age_s))
+                        : std::string("The daemon has not said anything yet."),
+              "Wait for the watchdog to restart it; if it does not, cycle the unit's power.");
+  out.check("daemon", fresh, fresh ? "publishes" : "silent");
+}
+
+std::string plain_words(const Health& health, const StatusInput& input) {
+  if (health.verdict != Verdict::kOk) return health.faults.front().cause;
+  const Snapshot& snapshot = *input.snapshot;
+  const std::size_t sensors = snapshot.sensors.size();
+  const std::uint32_t people = snapshot.occupancy.count;
+  return fmt::format("{} sensor{} watch{} the wagon; {} {} inside.", sensors,
+                     sensors == 1 ? "" : "s", sensors == 1 ? "es" : "", people,
+                     people == 1 ? "person is" : "people are");
+}
+
+}  // namespace
+
+std::string_view to_text(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kOk:
+      return "ok";
+    case Verdict::kDegraded:
+      return "degraded";
+    case Verdict::kFailed:
+      break;
+  }
+  return "failed";
+}
+
+Health assess(const StatusInput& input, const HealthLimits& limits) {
+  Health health;
+  Assessment out(health);
+  judge_freshness(out, input, limits);
+  if (input.snapshot != nullptr) {
+    judge_sensors(out, *input.snapshot, limits);
+    judge_pipeline(out, *input.snapshot, limits);
+    judge_calibration(out, *input.snapshot);
+    judge_unit(out, *input.snapshot, *input.unit);
+  }
+  std::stable_sort(health.faults.begin(), health.faults.end(),
+                   [](const Fault& a, const Fault& b) { return a.weight > b.weight; });
+  if (!health.faults.empty()) health.verdict = health.faults.front().weight;
+  health.sentence = plain_words(health, input);
+  // A lost sensor degrades, and the others go on; without calibration people are still found.
+  health.ready =
+      input.snapshot != nullptr && health.verdict != Verdict::kFailed && !input.snapshot->learning;
+  return health;
+}
+
+}  // namespace wagonsight
