@@ -156,7 +156,7 @@ class Feed {
     for (Person& p : s.frame.people) p.last_seen = t;
     if (fallen)
       s.frame.events.push_back(
-          {EventKind::kFall, 3, t - 4, "went from standing to lying within 0.7 s, head at 0.21 m"});
+          {EventKind::kFall, 3, 60, "went from standing to lying within 0.7 s, head at 0.21 m"});
   }
   void count(Snapshot& s) {
     Occupancy& o = s.occupancy;
