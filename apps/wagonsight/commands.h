@@ -15,5 +15,8 @@ struct CommandLine {
 };
 
 void add_import(CommandLine& line);
+void add_evaluate(CommandLine& line);
+void add_inspect(CommandLine& line);
+void add_export(CommandLine& line);
 
 }  // namespace wagonsight

@@ -51,6 +51,7 @@ void McapReader::clear() {
   channels_.clear();
   metadata_.clear();
   segments_.clear();
+  message_counts_.clear();
   attachments_.clear();
   attachment_is_sound_.clear();
 }
@@ -106,6 +107,26 @@ bool McapReader::read_summary_record(McapOpcode opcode, std::span<const std::byt
   return true;
 }
 
+void McapReader::take_statistics(std::span<const std::byte> content) {
+  ByteReader fields(content);
+  message_count_ = fields.number<std::uint64_t>();
+  // Counts of schemas, channels, attachments, metadata and chunks, then first and last log time.
+  fields.raw(2 + 4 + 4 + 4 + 4 + 8 + 8);
+  ByteReader counts(fields.raw(fields.number<std::uint32_t>()));
+  while (counts.remaining() > 0) {
+    const auto id = counts.number<std::uint16_t>();
+    const auto count = counts.number<std::uint64_t>();
+    if (!counts.ok()) return;
+    message_counts_.emplace_back(id, count);
+  }
+}
+
+std::uint64_t McapReader::stated_message_count(std::uint16_t channel_id) const {
+  for (const auto& [id, count] : message_counts_)
+    if (id == channel_id) return count;
+  return 0;
+}
+
 bool McapReader::read_summary() {
   const std::size_t tail = kMcapFooterBytes + kMcapMagic.size();
   if (file_.size() < data_begin_ + tail) return false;
@@ -122,16 +143,14 @@ bool McapReader::read_summary() {
   const auto summed = file_.subspan(begin, footer_at + kMcapFooterBytes - crc_bytes - begin);
   if (footer->summary_crc != 0 && footer->summary_crc != mcap_crc32(summed)) return false;
 
-  std::uint64_t message_count = 0;
   offset = begin;
   while (offset < footer_at) {
     const auto entry = read_record(file_.first(footer_at), offset);
     if (!entry || !read_summary_record(entry->opcode, entry->content)) return false;
-    if (entry->opcode == McapOpcode::kStatistics)
-      message_count = ByteReader(entry->content).number<std::uint64_t>();
+    if (entry->opcode == McapOpcode::kStatistics) take_statistics(entry->content);
   }
   // Messages outside of chunks are in no index.
-  if (segments_.empty() && message_count > 0) return false;
+  if (segments_.empty() && message_count_ > 0) return false;
   std::sort(segments_.begin(), segments_.end(),
             [](const McapSegment& a, const McapSegment& b) { return a.offset < b.offset; });
   complete_ = true;

@@ -41,6 +41,9 @@ class McapReader {
   const std::vector<McapSegment>& segments() const { return segments_; }
   std::span<const std::byte> file() const { return file_; }
 
+  // Messages of a channel by the summary's statistics; 0 where they do not tell.
+  std::uint64_t stated_message_count(std::uint16_t channel_id) const;
+
   const McapSchema* find_schema(std::uint16_t id) const;
   // The value of `key` in the metadata record `name`; empty when there is none.
   std::string_view metadata_value(std::string_view name, std::string_view key) const;
@@ -55,6 +58,7 @@ class McapReader {
   void scan();
   void scan_chunk(std::uint64_t offset, std::uint64_t length, std::span<const std::byte> content);
   void take_schema_or_channel(McapOpcode opcode, std::span<const std::byte> content);
+  void take_statistics(std::span<const std::byte> content);
   void clear();
 
   std::span<const std::byte> file_;
@@ -66,6 +70,8 @@ class McapReader {
   std::vector<McapChannel> channels_;
   std::vector<McapMetadata> metadata_;
   std::vector<McapSegment> segments_;
+  std::vector<std::pair<std::uint16_t, std::uint64_t>> message_counts_;  // by channel
+  std::uint64_t message_count_ = 0;
   std::vector<McapAttachment> attachments_;  // views into the file
   std::vector<bool> attachment_is_sound_;
   std::vector<std::byte> buffer_;  // scan only

@@ -184,6 +184,13 @@ std::size_t RecordingReader::slot_bytes() const {
   return bytes;
 }
 
+std::uint64_t RecordingReader::stated_frame_count() const {
+  std::uint64_t frames = 0;
+  for (const ChannelRole& role : roles_)
+    if (role.role == Role::kFirst) frames += mcap_.stated_message_count(role.channel_id);
+  return frames;
+}
+
 void RecordingReader::rewind() {
   cursor_.rewind();
   info_.reset();

@@ -42,6 +42,9 @@ class RecordingReader {
   // What one slot must hold for any frame of this recording.
   std::size_t slot_bytes() const;
 
+  // Frames of all sensors together by the file's summary; 0 where it does not tell.
+  std::uint64_t stated_frame_count() const;
+
   // Fills `slot` (its bytes are the caller's, at least slot_bytes()). False at the end. An Error
   // names a damaged chunk or a frame that does not fit the rig; the next call goes on behind it.
   Result<bool> next(FrameSlot& slot);

@@ -1,0 +1,194 @@
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <optional>
+#include <thread>
+
+#include "cloud_files.h"
+#include "commands.h"
+#include "frame_sets.h"
+#include "fusion/fused_cloud.h"
+#include "progress.h"
+#include "recording_file.h"
+#include "replay_setup.h"
+#include "snapshot/json_lines.h"
+#include "stage_timing.h"
+
+namespace wagonsight {
+namespace {
+
+constexpr std::string_view kCausal = "causal";
+constexpr std::string_view kWhole = "whole";
+
+struct ReplayOptions {
+  std::string recording, config, rig, out;
+  std::string background;  // causal, whole or a file; empty: what suits the recording
+  std::string save_background, clouds, timing;
+  bool realtime = false;
+  bool skip_damaged = false;
+};
+
+// One replay: the recording, what it is replayed with, and where the answers go.
+class Replay {
+ public:
+  Replay(ReplayOptions options, RecordingFile recording, ReplaySetup setup,
+         std::unique_ptr<Pipeline> pipeline)
+      : options_(std::move(options)),
+        recording_(std::move(recording)),
+        setup_(std::move(setup)),
+        pipeline_(std::move(pipeline)),
+        sets_(*recording_.reader, setup_.rig) {}
+
+  Result<void> run();
+
+ private:
+  Result<void> prepare_background();
+  Result<void> process_all(OutputFile& out);
+  Result<void> write_cloud(std::uint64_t index);
+  void wait_for(HostTime instant);
+  std::string background() const;
+  tl::unexpected<Error> in_recording(const Error& error) const {
+    return fail(fmt::format("{} {}", recording_.path, error.message));
+  }
+
+  ReplayOptions options_;
+  RecordingFile recording_;
+  ReplaySetup setup_;
+  std::unique_ptr<Pipeline> pipeline_;
+  FrameSetSource sets_;
+  StageTimings timings_;
+  std::vector<CloudPoint> cloud_;
+  std::optional<std::chrono::steady_clock::time_point> real_start_;
+  HostTime first_instant_{}, last_instant_{};
+  std::uint64_t set_count_ = 0;
+};
+
+std::string Replay::background() const {
+  if (!options_.background.empty()) return options_.background;
+  return std::string(setup_.had_pose ? kCausal : kWhole);
+}
+
+Result<void> Replay::prepare_background() {
+  const std::string choice = background();
+  if (choice == kCausal) return {};
+  if (choice != kWhole) {
+    const auto file = MappedFile::open(choice);
+    if (!file) return tl::unexpected(file.error());
+    if (auto loaded = pipeline_->load_background(file->bytes()); !loaded)
+      return fail(fmt::format("{}: {}", choice, loaded.error().message));
+    return {};
+  }
+  Progress progress("frames learned", frame_count_hint(*recording_.reader));
+  FrameSet set;
+  for (std::uint64_t count = 1;; ++count) {
+    const auto more = sets_.next(set);
+    if (!more) return in_recording(more.error());
+    if (!*more) break;
+    pipeline_->learn(set);
+    progress.update(count);
+  }
+  pipeline_->finish_learning();
+  sets_.rewind();
+  return {};
+}
+
+void Replay::wait_for(HostTime instant) {
+  if (!real_start_) real_start_ = std::chrono::steady_clock::now();
+  std::this_thread::sleep_until(*real_start_ + (instant - first_instant_));
+}
+
+Result<void> Replay::write_cloud(std::uint64_t index) {
+  cloud_.clear();
+  for (const FusedPoint& point : pipeline_->fused_points())
+    cloud_.push_back({point.x, point.y, point.z});
+  return write_ply(fmt::format("{}/{:06}.ply", options_.clouds, index), cloud_);
+}
+
+Result<void> Replay::process_all(OutputFile& out) {
+  Progress progress("frames", frame_count_hint(*recording_.reader) / setup_.rig.sensors.size());
+  if (!options_.timing.empty()) pipeline_->set_ticker(StageTimings::now);
+  pipeline_->set_start(recording_.reader->start());
+  FrameSet set;
+  std::string line;
+  while (true) {
+    const auto more = sets_.next(set);
+    if (!more) return in_recording(more.error());
+    if (!*more) return {};
+    if (set_count_ == 0) first_instant_ = set.instant;
+    last_instant_ = set.instant;
+    if (options_.realtime) wait_for(set.instant);
+    const Duration before = StageTimings::thread_time();
+    const PeopleFrame& frame = pipeline_->process(set);
+    timings_.add(pipeline_->last_stage_times(), StageTimings::thread_time() - before);
+    line.clear();
+    append_people_line(frame, true, line);
+    line += '\n';
+    if (auto done = out.write(std::string_view(line)); !done) return done;
+    if (!options_.clouds.empty())
+      if (auto done = write_cloud(set_count_); !done) return done;
+    progress.update(++set_count_);
+  }
+}
+
+Result<void> Replay::run() {
+  if (!options_.clouds.empty())
+    if (auto made = make_folder(options_.clouds); !made) return made;
+  auto out = OutputFile::create(options_.out);
+  if (!out) return tl::unexpected(out.error());
+  if (auto done = prepare_background(); !done) return done;
+  if (auto done = process_all(**out); !done) return done;
+  if (auto done = (*out)->close(); !done) return done;
+  if (!options_.save_background.empty())
+    if (auto done = write_file(options_.save_background, pipeline_->save_background()); !done)
+      return done;
+  const Duration recorded = last_instant_ - first_instant_;
+  if (!options_.timing.empty())
+    if (auto done = write_file(options_.timing, timings_.to_json(recorded)); !done) return done;
+  const std::string trouble = recording_trouble(recording_);
+  if (!trouble.empty()) fmt::print(stderr, "wagonsight replay: {}\n", trouble);
+  fmt::print("{}: {} instants over {:.1f} s, background {}\n", options_.out, set_count_,
+             to_seconds(recorded), background());
+  return {};
+}
+
+Result<void> replay(const ReplayOptions& options) {
+  const DamagePolicy policy = options.skip_damaged ? DamagePolicy::kSkip : DamagePolicy::kStop;
+  auto recording = open_recording(options.recording, policy);
+  if (!recording) return tl::unexpected(recording.error());
+  auto setup = set_up_replay(*recording, options.config, options.rig);
+  if (!setup) return tl::unexpected(setup.error());
+  auto pipeline = Pipeline::create(setup->rig, setup->rays, setup->wagon, setup->options);
+  if (!pipeline) return fail(fmt::format("{}: {}", options.recording, pipeline.error().message));
+  Replay run(options, std::move(*recording), std::move(*setup), std::move(*pipeline));
+  return run.run();
+}
+
+}  // namespace
+
+void add_replay(CommandLine& line) {
+  auto options = std::make_shared<ReplayOptions>();
+  CLI::App* command = line.app.add_subcommand(
+      "replay", "Find the people in a recording: one JSON line for each instant");
+  command->add_option("recording", options->recording, "The recording (MCAP)")->required();
+  command->add_option("--out", options->out, "The people, one JSON object a line")->required();
+  command->add_option("--config", options->config,
+                      "Settings (TOML); without them, defaults that suit one such recording");
+  command->add_option("--rig", options->rig,
+                      "Calibration blob instead of the recording's own calibration");
+  command->add_option("--background", options->background,
+                      "causal: learn as it goes; whole: learn from the whole recording first; or a "
+                      "file that --save-background wrote. Default: causal, and whole where the "
+                      "recording's sensor has no pose");
+  command->add_option("--save-background", options->save_background,
+                      "Write the background as it is after the replay");
+  command->add_option("--clouds", options->clouds,
+                      "Folder for the foreground clouds in W, one PLY for each instant");
+  command->add_option("--timing", options->timing, "What it cost, per stage (JSON)");
+  command->add_flag("--realtime", options->realtime, "Take the time the recording took");
+  command->add_flag("--skip-damaged", options->skip_damaged,
+                    "Leave damaged chunks out instead of stopping at them");
+  command->callback([&line, options] { line.run = [options] { return replay(*options); }; });
+}
+
+}  // namespace wagonsight

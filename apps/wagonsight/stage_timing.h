@@ -1,0 +1,31 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/time.h"
+#include "pipeline/pipeline.h"
+
+namespace wagonsight {
+
+// What a replay cost: per stage and as a whole, as a JSON object. Milliseconds of wall clock for
+// the stages and of this thread's processor time for the whole.
+class StageTimings {
+ public:
+  // Monotonic wall clock, for Pipeline::set_ticker.
+  static Duration now();
+  // Processor time this thread has used.
+  static Duration thread_time();
+
+  void add(const std::array<Duration, kStageCount>& stages, Duration processor);
+  // `recorded` is how long the recording lasts.
+  std::string to_json(Duration recorded) const;
+
+ private:
+  std::array<std::vector<double>, kStageCount> stages_ms_;
+  std::vector<double> processor_ms_;
+};
+
+}  // namespace wagonsight
