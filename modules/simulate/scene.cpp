@@ -34,7 +34,7 @@ int index_of(const std::vector<T>& items, const std::string& name) {
 
 // The index of what `key` names among `items`; -1 when the key is absent.
 template <class T>
-int reference(TableReader& reader, std::string_view key, const std::vector<T>& items,
+int reference(SceneReader& reader, std::string_view key, const std::vector<T>& items,
               std::string_view kind) {
   if (!reader.has(key)) {
     reader.text(key, "");  // so that the key counts as known
@@ -47,19 +47,19 @@ int reference(TableReader& reader, std::string_view key, const std::vector<T>& i
 }
 
 template <class T>
-std::string unique_name(TableReader& reader, const std::vector<T>& others, std::string fallback) {
+std::string unique_name(SceneReader& reader, const std::vector<T>& others, std::string fallback) {
   std::string name = reader.text("name", std::move(fallback));
   if (index_of(others, name) >= 0) reader.refuse("name", "another one has this name already");
   return name;
 }
 
-void read_wagon(TableReader& root, Scene& scene) {
+void read_wagon(SceneReader& root, Scene& scene) {
   auto wagons = root.tables("wagon", 1);
   if (wagons.empty()) {
     root.refuse("wagon", "a scene needs a table [wagon]");
     return;
   }
-  TableReader& wagon = wagons.front();
+  SceneReader& wagon = wagons.front();
   scene.length = wagon.number("length", 1.5, 40, std::nullopt);
   scene.width = wagon.number("width", 1.5, 20, std::nullopt);
   scene.height = wagon.number("height", 1.8, 6, std::nullopt);
@@ -67,7 +67,7 @@ void read_wagon(TableReader& root, Scene& scene) {
 }
 
 // A point on the floor of the wagon, a little tolerance included.
-std::optional<Eigen::Vector2d> floor_point(TableReader& reader, std::string_view key,
+std::optional<Eigen::Vector2d> floor_point(SceneReader& reader, std::string_view key,
                                            const Scene& scene, bool needed, double margin) {
   const auto p = reader.point2(key, needed);
   if (!p) return p;
@@ -78,8 +78,8 @@ std::optional<Eigen::Vector2d> floor_point(TableReader& reader, std::string_view
   return p;
 }
 
-void read_seats(TableReader& root, Scene& scene) {
-  for (TableReader& reader : root.tables("seat", kSeatsMax)) {
+void read_seats(SceneReader& root, Scene& scene) {
+  for (SceneReader& reader : root.tables("seat", kSeatsMax)) {
     SceneSeat seat;
     seat.name = unique_name(reader, scene.seats, fmt::format("seat {}", scene.seats.size() + 1));
     seat.position = floor_point(reader, "position", scene, true, 0).value_or(seat.position);
@@ -90,9 +90,9 @@ void read_seats(TableReader& root, Scene& scene) {
   }
 }
 
-void read_doors(TableReader& root, Scene& scene) {
+void read_doors(SceneReader& root, Scene& scene) {
   constexpr double kBesideWall = 0.3;  // metres; a threshold may be drawn on the outer side
-  for (TableReader& reader : root.tables("door", kDoorsMax)) {
+  for (SceneReader& reader : root.tables("door", kDoorsMax)) {
     SceneDoor door;
     door.name = unique_name(reader, scene.doors, fmt::format("door {}", scene.doors.size() + 1));
     door.from = floor_point(reader, "from", scene, true, kBesideWall).value_or(door.from);
@@ -105,9 +105,9 @@ void read_doors(TableReader& root, Scene& scene) {
   }
 }
 
-void read_boxes(TableReader& root, std::string_view key, Material otherwise, std::size_t count_max,
+void read_boxes(SceneReader& root, std::string_view key, Material otherwise, std::size_t count_max,
                 std::vector<SceneBox>& boxes) {
-  for (TableReader& reader : root.tables(key, count_max)) {
+  for (SceneReader& reader : root.tables(key, count_max)) {
     SceneBox box;
     box.name = reader.text("name", fmt::format("{} {}", key, boxes.size() + 1));
     box.min = reader.point3("min", true).value_or(box.min);
@@ -123,8 +123,8 @@ void read_boxes(TableReader& root, std::string_view key, Material otherwise, std
   }
 }
 
-void read_zones(TableReader& root, Scene& scene) {
-  for (TableReader& reader : root.tables("zone", kZonesMax)) {
+void read_zones(SceneReader& root, Scene& scene) {
+  for (SceneReader& reader : root.tables("zone", kZonesMax)) {
     SceneZone zone;
     zone.name = unique_name(reader, scene.zones, fmt::format("zone {}", scene.zones.size() + 1));
     zone.polygon = reader.polygon("polygon", kZoneCornersMax);
@@ -134,8 +134,8 @@ void read_zones(TableReader& root, Scene& scene) {
   }
 }
 
-void read_sensors(TableReader& root, Scene& scene) {
-  for (TableReader& reader : root.tables("sensor", kSensorsMax)) {
+void read_sensors(SceneReader& root, Scene& scene) {
+  for (SceneReader& reader : root.tables("sensor", kSensorsMax)) {
     SceneSensor sensor;
     sensor.name = unique_name(reader, scene.sensors, fmt::format("k{}", scene.sensors.size()));
     sensor.kind = static_cast<SensorKind>(reader.choice("kind", kKinds, 0));
@@ -153,7 +153,7 @@ void read_sensors(TableReader& root, Scene& scene) {
   }
 }
 
-SceneAct read_act(TableReader& reader, const Scene& scene) {
+SceneAct read_act(SceneReader& reader, const Scene& scene) {
   SceneAct act;
   act.at = reader.number("at", 0, 1e7, 0.0);
   act.kind = static_cast<ActKind>(reader.choice("act", kActs, std::nullopt));
@@ -175,7 +175,7 @@ SceneAct read_act(TableReader& reader, const Scene& scene) {
   return act;
 }
 
-ScenePassenger read_passenger(TableReader& reader, const Scene& scene) {
+ScenePassenger read_passenger(SceneReader& reader, const Scene& scene) {
   ScenePassenger passenger;
   passenger.name = unique_name(reader, scene.passengers,
                                fmt::format("passenger {}", scene.passengers.size() + 1));
@@ -191,7 +191,7 @@ ScenePassenger read_passenger(TableReader& reader, const Scene& scene) {
   passenger.door = reference(reader, "door", scene.doors, "door");
   passenger.seat = reference(reader, "seat", scene.seats, "seat");
   constexpr std::size_t kActsMax = 1000;
-  for (TableReader& act : reader.tables("do", kActsMax))
+  for (SceneReader& act : reader.tables("do", kActsMax))
     passenger.acts.push_back(read_act(act, scene));
   const auto earlier = [](const SceneAct& a, const SceneAct& b) { return a.at < b.at; };
   std::stable_sort(passenger.acts.begin(), passenger.acts.end(), earlier);
@@ -202,8 +202,8 @@ ScenePassenger read_passenger(TableReader& reader, const Scene& scene) {
   return passenger;
 }
 
-void read_lights(TableReader& root, Scene& scene) {
-  for (TableReader& reader : root.tables("light", 64)) {
+void read_lights(SceneReader& root, Scene& scene) {
+  for (SceneReader& reader : root.tables("light", 64)) {
     SceneLight light;
     light.at = reader.number("at", 0, 1e7, 0.0);
     light.state = static_cast<LightState>(reader.choice("state", kLights, std::nullopt));
@@ -218,7 +218,7 @@ void read_lights(TableReader& root, Scene& scene) {
 }
 
 // `amount` of a late fault is seconds; numbers above 5 can only be meant as milliseconds.
-double fault_amount(TableReader& reader, FaultKind kind) {
+double fault_amount(SceneReader& reader, FaultKind kind) {
   switch (kind) {
     case FaultKind::kLate: {
       const double amount = reader.number("amount", 0, 5000, 0.1);
@@ -234,8 +234,8 @@ double fault_amount(TableReader& reader, FaultKind kind) {
   return reader.number("amount", 0, 1e6, 0.0);  // said of an unplug it means nothing
 }
 
-void read_faults(TableReader& root, Scene& scene) {
-  for (TableReader& reader : root.tables("fault", 256)) {
+void read_faults(SceneReader& root, Scene& scene) {
+  for (SceneReader& reader : root.tables("fault", 256)) {
     SceneFault fault;
     fault.at = reader.number("at", 0, 1e7, 0.0);
     fault.sensor = reference(reader, "sensor", scene.sensors, "sensor");
@@ -258,7 +258,7 @@ Result<Scene> parse_scene(std::string_view text, std::string_view file_name) {
                             error.description()));
   }
   std::optional<Error> error;
-  TableReader root(parsed.table(), "", file_name, error);
+  SceneReader root(parsed.table(), "", file_name, error);
   Scene scene;
   read_wagon(root, scene);
   read_seats(root, scene);
@@ -268,7 +268,7 @@ Result<Scene> parse_scene(std::string_view text, std::string_view file_name) {
   read_boxes(root, "screen", Material::kScreen, kMasksMax / 2, scene.screens);
   read_zones(root, scene);
   read_sensors(root, scene);
-  for (TableReader& reader : root.tables("passenger", kPeopleMax))
+  for (SceneReader& reader : root.tables("passenger", kPeopleMax))
     scene.passengers.push_back(read_passenger(reader, scene));
   read_lights(root, scene);
   read_faults(root, scene);

@@ -28,21 +28,21 @@ std::string listed(std::span<const std::string_view> choices) {
 
 }  // namespace
 
-TableReader::TableReader(const toml::table& table, std::string path, std::string_view file,
+SceneReader::SceneReader(const toml::table& table, std::string path, std::string_view file,
                          std::optional<Error>& error)
     : table_(&table), path_(std::move(path)), file_(file), error_(&error) {}
 
-void TableReader::report(const toml::source_region& where, const std::string& key,
+void SceneReader::report(const toml::source_region& where, const std::string& key,
                          const std::string& value, std::string_view rule) {
   if (*error_) return;
   *error_ = Error{fmt::format("{}:{}: {} = {}: {}", file_, where.begin.line, key, value, rule)};
 }
 
-std::string TableReader::qualified(std::string_view key) const {
+std::string SceneReader::qualified(std::string_view key) const {
   return path_.empty() ? std::string(key) : path_ + "." + std::string(key);
 }
 
-const toml::node* TableReader::find(std::string_view key, bool needed) {
+const toml::node* SceneReader::find(std::string_view key, bool needed) {
   asked_.emplace_back(key);
   const toml::node* node = table_->get(key);
   if (node == nullptr && needed)
@@ -50,13 +50,13 @@ const toml::node* TableReader::find(std::string_view key, bool needed) {
   return *error_ ? nullptr : node;
 }
 
-void TableReader::refuse(std::string_view key, std::string_view rule) {
+void SceneReader::refuse(std::string_view key, std::string_view rule) {
   const toml::node* node = table_->get(key);
   report(node != nullptr ? node->source() : table_->source(), qualified(key),
          node != nullptr ? as_text(*node) : "(nothing)", rule);
 }
 
-double TableReader::number(std::string_view key, double low, double high,
+double SceneReader::number(std::string_view key, double low, double high,
                            std::optional<double> fallback) {
   const double otherwise = fallback.value_or(low);
   const toml::node* node = find(key, !fallback.has_value());
@@ -68,7 +68,7 @@ double TableReader::number(std::string_view key, double low, double high,
   return otherwise;
 }
 
-int TableReader::whole(std::string_view key, int low, int high, int fallback) {
+int SceneReader::whole(std::string_view key, int low, int high, int fallback) {
   const toml::node* node = find(key, false);
   if (node == nullptr) return fallback;
   const auto value = node->is_integer() ? node->value<std::int64_t>() : std::nullopt;
@@ -77,7 +77,7 @@ int TableReader::whole(std::string_view key, int low, int high, int fallback) {
   return fallback;
 }
 
-std::string TableReader::text(std::string_view key, std::optional<std::string> fallback) {
+std::string SceneReader::text(std::string_view key, std::optional<std::string> fallback) {
   const toml::node* node = find(key, !fallback.has_value());
   const std::string otherwise = fallback.value_or("");
   if (node == nullptr) return otherwise;
@@ -88,7 +88,7 @@ std::string TableReader::text(std::string_view key, std::optional<std::string> f
   return otherwise;
 }
 
-int TableReader::choice(std::string_view key, std::span<const std::string_view> choices,
+int SceneReader::choice(std::string_view key, std::span<const std::string_view> choices,
                         std::optional<int> fallback) {
   const toml::node* node = find(key, !fallback.has_value());
   if (node == nullptr) return fallback.value_or(0);
@@ -99,7 +99,7 @@ int TableReader::choice(std::string_view key, std::span<const std::string_view> 
   return fallback.value_or(0);
 }
 
-std::vector<std::string> TableReader::texts(std::string_view key,
+std::vector<std::string> SceneReader::texts(std::string_view key,
                                             std::span<const std::string_view> choices) {
   std::vector<std::string> found;
   const toml::node* node = find(key, false);
@@ -141,7 +141,7 @@ std::optional<Eigen::Matrix<double, N, 1>> vector_of(const toml::node& node) {
 }  // namespace
 
 template <int N>
-std::optional<Eigen::Matrix<double, N, 1>> TableReader::point(std::string_view key, bool needed) {
+std::optional<Eigen::Matrix<double, N, 1>> SceneReader::point(std::string_view key, bool needed) {
   const toml::node* node = find(key, needed);
   if (node == nullptr) return std::nullopt;
   const auto result = vector_of<N>(*node);
@@ -149,15 +149,15 @@ std::optional<Eigen::Matrix<double, N, 1>> TableReader::point(std::string_view k
   return result;
 }
 
-std::optional<Eigen::Vector2d> TableReader::point2(std::string_view key, bool needed) {
+std::optional<Eigen::Vector2d> SceneReader::point2(std::string_view key, bool needed) {
   return point<2>(key, needed);
 }
 
-std::optional<Eigen::Vector3d> TableReader::point3(std::string_view key, bool needed) {
+std::optional<Eigen::Vector3d> SceneReader::point3(std::string_view key, bool needed) {
   return point<3>(key, needed);
 }
 
-std::vector<Eigen::Vector2d> TableReader::polygon(std::string_view key, std::size_t corners_max) {
+std::vector<Eigen::Vector2d> SceneReader::polygon(std::string_view key, std::size_t corners_max) {
   std::vector<Eigen::Vector2d> corners;
   const toml::node* node = find(key, true);
   if (node == nullptr) return corners;
@@ -178,8 +178,8 @@ std::vector<Eigen::Vector2d> TableReader::polygon(std::string_view key, std::siz
   return corners;
 }
 
-std::vector<TableReader> TableReader::tables(std::string_view key, std::size_t count_max) {
-  std::vector<TableReader> readers;
+std::vector<SceneReader> SceneReader::tables(std::string_view key, std::size_t count_max) {
+  std::vector<SceneReader> readers;
   const toml::node* node = find(key, false);
   if (node == nullptr) return readers;
   const std::string path = qualified(key);
@@ -205,7 +205,7 @@ std::vector<TableReader> TableReader::tables(std::string_view key, std::size_t c
   return readers;
 }
 
-void TableReader::finish() {
+void SceneReader::finish() {
   for (const auto& [key, node] : *table_) {
     if (std::find(asked_.begin(), asked_.end(), key.str()) != asked_.end()) continue;
     std::string known;

@@ -16,10 +16,10 @@ namespace wagonsight {
 
 // Reads the keys of one TOML table and remembers the first rule that was broken, so that a caller
 // reads key after key as prose and asks once. After an error every read gives its default.
-class TableReader {
+class SceneReader {
  public:
   // `error` is shared by the readers of one file. `path` is told in errors, as "passenger.do".
-  TableReader(const toml::table& table, std::string path, std::string_view file,
+  SceneReader(const toml::table& table, std::string path, std::string_view file,
               std::optional<Error>& error);
 
   double number(std::string_view key, double low, double high, std::optional<double> fallback);
@@ -33,7 +33,7 @@ class TableReader {
   std::optional<Eigen::Vector3d> point3(std::string_view key, bool needed);
   std::vector<Eigen::Vector2d> polygon(std::string_view key, std::size_t corners_max);
   // The readers of an array of tables [[key]]; a single [key] counts as one.
-  std::vector<TableReader> tables(std::string_view key, std::size_t count_max);
+  std::vector<SceneReader> tables(std::string_view key, std::size_t count_max);
   bool has(std::string_view key) const { return table_->contains(key); }
 
   // Reports any key that nobody asked for.
