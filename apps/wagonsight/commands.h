@@ -15,6 +15,7 @@ struct CommandLine {
 };
 
 void add_import(CommandLine& line);
+void add_replay(CommandLine& line);
 void add_evaluate(CommandLine& line);
 void add_inspect(CommandLine& line);
 void add_export(CommandLine& line);

@@ -34,7 +34,8 @@ void print_recording(const Report& report) {
   const auto trouble = report["trouble"].get<std::string>();
   fmt::print("  {}\n", trouble.empty() ? "whole: every chunk was read and its sum is right"
                                        : "not whole: " + trouble);
-  for (const auto& [key, value] : report.value("origin", Report::object()).items())
+  const Report origin = report.value("origin", Report::object());
+  for (const auto& [key, value] : origin.items())
     fmt::print("  {}: {}\n", key, value.get<std::string>());
   for (const Report& sensor : report["sensors"])
     fmt::print(

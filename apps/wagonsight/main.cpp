@@ -30,6 +30,7 @@ void declare(CommandLine& line) {
     return fmt::format("{}: {}; see {} --help\n", name, error.what(), name);
   });
   add_import(line);
+  add_replay(line);
   add_evaluate(line);
   add_inspect(line);
   add_export(line);

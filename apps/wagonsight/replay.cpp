@@ -152,13 +152,26 @@ Result<void> Replay::run() {
   return {};
 }
 
+// What the settings ask for; without settings the finest leaf from 2 cm whose octree holds the
+// room.
+Result<std::unique_ptr<Pipeline>> make_pipeline(ReplaySetup& setup, bool leaf_is_chosen) {
+  constexpr double kLeafMax_m = 0.10;
+  constexpr double kLeafStep_m = 0.005;
+  while (true) {
+    auto pipeline = Pipeline::create(setup.rig, setup.rays, setup.wagon, setup.options);
+    if (pipeline || leaf_is_chosen || setup.options.leaf_m + kLeafStep_m > kLeafMax_m)
+      return pipeline;
+    setup.options.leaf_m += kLeafStep_m;
+  }
+}
+
 Result<void> replay(const ReplayOptions& options) {
   const DamagePolicy policy = options.skip_damaged ? DamagePolicy::kSkip : DamagePolicy::kStop;
   auto recording = open_recording(options.recording, policy);
   if (!recording) return tl::unexpected(recording.error());
   auto setup = set_up_replay(*recording, options.config, options.rig);
   if (!setup) return tl::unexpected(setup.error());
-  auto pipeline = Pipeline::create(setup->rig, setup->rays, setup->wagon, setup->options);
+  auto pipeline = make_pipeline(*setup, !options.config.empty());
   if (!pipeline) return fail(fmt::format("{}: {}", options.recording, pipeline.error().message));
   Replay run(options, std::move(*recording), std::move(*setup), std::move(*pipeline));
   return run.run();

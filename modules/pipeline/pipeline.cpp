@@ -137,6 +137,16 @@ void Pipeline::finish_learning() {
     state_->lanes[i].extractor->finish_learning();
 }
 
+void Pipeline::set_start(HostTime start) {
+  state_->start = start;
+  state_->started = true;
+}
+
+std::span<const FusedPoint> Pipeline::fused_points() const {
+  if (state_->cloud == nullptr) return {};
+  return state_->cloud->points.span();
+}
+
 const Occupancy& Pipeline::occupancy() const {
   return state_->situation.occupancy();
 }

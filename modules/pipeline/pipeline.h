@@ -9,6 +9,7 @@
 
 #include "base/result.h"
 #include "frame/frame.h"
+#include "fusion/fused_cloud.h"
 #include "rig/ray_table.h"
 #include "rig/rig.h"
 #include "snapshot/snapshot.h"
@@ -55,7 +56,13 @@ class Pipeline {
   std::vector<std::byte> save_background() const;
   Result<void> load_background(std::span<const std::byte> bytes);
 
+  // The zero of PeopleFrame's times (a recording's or the daemon's start); the instant of the first
+  // FrameSet where it is not called. Before the first process().
+  void set_start(HostTime start);
+
   const Occupancy& occupancy() const;
+  // The foreground of the last instant, all sensors in one cloud; valid until the next process().
+  std::span<const FusedPoint> fused_points() const;
   // Share of a sensor's pixels whose background is known, 0..1.
   double background_share(std::size_t sensor_index) const;
   bool learning() const;
