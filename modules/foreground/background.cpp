@@ -102,8 +102,7 @@ void Background::decide(const SensorView& view) {
       }
     }
   }
-  thresholds_.all_changed();
-  thresholds_.refresh(view, leaves_, thresholds_.tile_count());
+  redo_thresholds(view);
   for (std::size_t pixel = 0; pixel < view.pixel_count(); ++pixel) {
     if (!thresholds_.has_background(pixel)) thresholds_.set_open(pixel);
   }
@@ -120,8 +119,12 @@ void Background::assume(const SensorView& view, DepthImage image) {
     if (leaf == kNoLeaf || !leaves_.insert(leaf)) continue;
     if (LeafEvidence* evidence = evidence_.find_or_add(leaf)) evidence->hits = 1;
   }
-  thresholds_.all_changed();
-  thresholds_.refresh(view, leaves_, thresholds_.tile_count());
+  redo_thresholds(view);
+}
+
+void Background::redo_thresholds(const SensorView& view) {
+  thresholds_.reset();
+  leaves_.visit([&](LeafAddress leaf) { thresholds_.leaf_added(view, leaves_, leaf); });
 }
 
 float Background::advance(HostTime instant) {
@@ -171,11 +174,11 @@ void Background::fade_candidates(float round_share) {
 }
 
 void Background::add_leaf(const SensorView& view, LeafAddress leaf) {
-  if (leaves_.insert(leaf)) thresholds_.leaf_changed(view, leaf);
+  if (leaves_.insert(leaf)) thresholds_.leaf_added(view, leaves_, leaf);
 }
 
 void Background::remove_leaf(const SensorView& view, LeafAddress leaf) {
-  if (leaves_.erase(leaf)) thresholds_.leaf_changed(view, leaf);
+  if (leaves_.erase(leaf)) thresholds_.leaf_removed(view, leaves_, leaf);
   if (LeafEvidence* evidence = evidence_.find(leaf)) *evidence = {};
 }
 
@@ -286,12 +289,6 @@ void Background::observe_empty(const SensorView& view, DepthImage image, float r
       thresholds_.set_open(pixel);
     }
   }
-}
-
-void Background::refresh(const SensorView& view, float round_share) {
-  const auto tiles = static_cast<std::size_t>(
-      std::ceil(round_share * static_cast<float>(thresholds_.tile_count())));
-  thresholds_.refresh(view, leaves_, tiles);
 }
 
 double Background::known_share(const SensorView& view) const {

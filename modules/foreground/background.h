@@ -41,8 +41,6 @@ class Background {
   // Rays on which nothing comes back, or only from beyond the wagon, become known to be empty.
   void observe_empty(const SensorView& view, DepthImage image, float round_share,
                      int rounds_needed);
-  // Brings thresholds up to date, spread over a round.
-  void refresh(const SensorView& view, float round_share);
 
   const BitOctree& leaves() const { return leaves_; }
   const RayThresholds& thresholds() const { return thresholds_; }
@@ -56,6 +54,7 @@ class Background {
  private:
   enum class Seen : std::uint8_t { kNothing, kThere, kThrough };
   Seen look(const SensorView& view, DepthImage image, LeafAddress leaf) const;
+  void redo_thresholds(const SensorView& view);
   void add_leaf(const SensorView& view, LeafAddress leaf);
   void remove_leaf(const SensorView& view, LeafAddress leaf);
   void hit(const SensorView& view, LeafAddress leaf, int hits_needed);

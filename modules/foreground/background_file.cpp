@@ -79,7 +79,7 @@ bool Background::load(const SensorView& view, std::span<const std::byte> bytes) 
     leaves_.insert(leaf);
     if (LeafEvidence* evidence = evidence_.find_or_add(leaf)) *evidence = {hits, 0};
   }
-  thresholds_.clear_open();
+  redo_thresholds(view);
   for (std::size_t word = 0; word < open.size(); ++word) {
     std::uint64_t bits = 0;
     if (!reader.get(bits)) return false;
@@ -88,8 +88,6 @@ bool Background::load(const SensorView& view, std::span<const std::byte> bytes) 
       if (((bits >> place) & 1) != 0 && pixel < view.pixel_count()) thresholds_.set_open(pixel);
     }
   }
-  thresholds_.all_changed();
-  thresholds_.refresh(view, leaves_, thresholds_.tile_count());
   return true;
 }
 

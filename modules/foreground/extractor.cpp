@@ -118,7 +118,6 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
   const auto rounds_needed =
       std::clamp(static_cast<int>(options_.learning_s / 0.25), static_cast<int>(kRoundsMin), 200);
   background_.observe_empty(view_, image, round_share, rounds_needed);
-  background_.refresh(view_, round_share);
   if (background_.rounds() >= static_cast<std::uint32_t>(rounds_needed)) learning_ = false;
 }
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <span>
 
-#include "base/bounded_vector.h"
+#include "foreground/interval_kernel.h"
 #include "foreground/sensor_view.h"
 #include "voxel/bit_octree.h"
 
@@ -19,7 +19,7 @@ enum class Reading : std::uint8_t {
 };
 
 // The octree of the background, remembered as intervals of raw readings for every pixel. The octree
-// stays the truth: where a tile of pixels is up to date, classify() equals classify_by_octree().
+// stays the truth: told of every leaf that comes or goes, classify() equals classify_by_octree().
 // Allocates in the constructor only.
 class RayThresholds {
  public:
@@ -42,37 +42,44 @@ class RayThresholds {
   std::span<const std::uint64_t> open_rays() const {
     return {open_.get(), (width_ * height_ + 63) / 64};
   }
-  // No opinion of any pixel.
-  void clear_open();
 
-  // Marks what a leaf that came or went may have changed.
-  void leaf_changed(const SensorView& view, LeafAddress leaf);
-  void all_changed();
-  // Brings at most `tiles_max` marked tiles up to date; returns how many are left.
-  std::size_t refresh(const SensorView& view, const BitOctree& background, std::size_t tiles_max);
-  std::size_t tile_count() const { return tiles_x_ * tiles_y_; }
+  // A leaf came: its readings join those of the pixels whose rays pass through it.
+  void leaf_added(const SensorView& view, const BitOctree& background, LeafAddress leaf);
+  // A leaf went: those pixels' rays are walked again.
+  void leaf_removed(const SensorView& view, const BitOctree& background, LeafAddress leaf);
+  // Forgets everything, as for an empty octree.
+  void reset();
 
  private:
-  static constexpr std::size_t kTile = 4;  // pixels along u and v; a leaf covers 2 to 12
-
-  struct Intervals {  // two at most; `more`: there are others beyond them, up to `last`
+  struct Intervals {  // of background readings, ascending, apart by one at least
     RawInterval first, second;
-    std::uint16_t last = 0;
-    bool more = false;
+    std::uint16_t last = 0;  // the end of the last of all
+    bool more = false;       // there are more than two
+    void append(RawInterval next);
   };
-  Intervals intervals_of(const SensorView& view, const BitOctree& background,
-                         std::size_t pixel) const;
-  void refresh_tile(const SensorView& view, const BitOctree& background, std::size_t tile);
-  void mark_tile(std::size_t tile);
+  Intervals walk(const SensorView& view, const BitOctree& background, std::size_t pixel,
+                 float z_from, float z_to) const;
+  void walk_again(const SensorView& view, const BitOctree& background, std::size_t pixel);
+  void join(const SensorView& view, const BitOctree& background, std::size_t pixel,
+            RawInterval readings);
+  void store(std::size_t pixel, const Intervals& intervals);
+  bool is_crowded(std::size_t pixel) const {
+    return ((crowded_[pixel / 64] >> (pixel % 64)) & 1) != 0;
+  }
+  // Calls visit(pixel, z_enter, z_leave) for every pixel whose ray passes through the leaf.
+  template <class Visit>
+  void visit_pixels(const SensorView& view, LeafAddress leaf, Visit&& visit) const;
 
-  std::size_t width_, height_, tiles_x_, tiles_y_;
+  void classify_pixels(const SensorView& view, const BitOctree& background, DepthImage image,
+                       std::uint64_t which, std::size_t word, std::span<std::uint64_t> foreground,
+                       std::span<std::uint64_t> unknown) const;
+
+  std::size_t width_, height_;
+  IntervalKernel kernel_;
   std::unique_ptr<std::uint16_t[]> near_, far_;  // inside the wagon
   std::unique_ptr<std::uint16_t[]> first_near_, first_far_, second_near_, second_far_;
-  std::unique_ptr<std::uint16_t[]> unknown_above_;
+  std::unique_ptr<std::uint16_t[]> last_;            // end of the last interval
   std::unique_ptr<std::uint64_t[]> open_, crowded_;  // a bit a pixel
-  std::unique_ptr<std::uint8_t[]> tile_marked_;
-  BoundedVector<std::uint32_t> marked_;
-  std::size_t marked_done_ = 0;
 };
 
 }  // namespace wagonsight

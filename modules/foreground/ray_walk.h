@@ -8,6 +8,14 @@
 
 namespace wagonsight {
 
+// A ray along a plane of the grid, tilted by nothing that matters so that it can be divided by.
+inline Eigen::Vector3f steep(Eigen::Vector3f ray) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (std::abs(ray[axis]) < 1e-6F) ray[axis] = 1e-6F;
+  }
+  return ray;
+}
+
 // Walks a pixel's ray through the leaves of an octree from depth z_from to z_to and calls
 // visit(z_enter, z_leave) for every leaf that is set, nearest first, until it returns false.
 // Amanatides and Woo 1987, on the octree's levels: an empty node is one step.
@@ -16,13 +24,10 @@ void walk_ray(const SensorView& view, const BitOctree& octree, std::size_t pixel
               float z_to, Visit&& visit) {
   const LeafGrid& grid = octree.grid();
   const Eigen::Vector3f origin = view.origin_grid();
-  Eigen::Vector3f ray = view.ray_grid(pixel);
+  const Eigen::Vector3f ray = steep(view.ray_grid(pixel));
   Eigen::Vector3f per_ray;
   float enter = z_from, leave = z_to;
   for (int axis = 0; axis < 3; ++axis) {
-    // A ray along a plane of the grid is tilted by nothing that matters, so that it can be divided
-    // by.
-    if (std::abs(ray[axis]) < 1e-6F) ray[axis] = 1e-6F;
     per_ray[axis] = 1.0F / ray[axis];
     const float a = -origin[axis] * per_ray[axis];
     const float b =

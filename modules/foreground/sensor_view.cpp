@@ -48,8 +48,8 @@ DepthModel::DepthModel(const RigSensor& sensor, double noise_sigmas) {
 
 RawInterval DepthModel::readings_of(float near_m, float far_m) const {
   const auto last_mm = static_cast<int>(first_reaching_.size()) - 1;
-  const int near_mm = std::clamp(static_cast<int>(std::floor(near_m * 1000.0F)), 0, last_mm);
-  const int far_mm = std::clamp(static_cast<int>(std::ceil(far_m * 1000.0F)), 0, last_mm);
+  const int near_mm = std::clamp(static_cast<int>(near_m * 1000.0F), 0, last_mm);
+  const int far_mm = std::clamp(static_cast<int>(far_m * 1000.0F) + 1, 0, last_mm);
   return {first_reaching_[static_cast<std::size_t>(near_mm)],
           last_reaching_[static_cast<std::size_t>(far_mm)]};
 }
@@ -96,8 +96,10 @@ LeafAddress SensorView::leaf_of(std::size_t pixel, std::uint16_t raw) const {
   const float z = depth_.z(raw);
   if (!masks_.empty() && masked(point_W(pixel, z))) return kNoLeaf;
   const Eigen::Vector3f at = origin_grid_ + z * ray_grid(pixel);
-  const LeafIndex leaf{static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y())),
-                       static_cast<int>(std::floor(at.z()))};
+  // Before the corner, truncation would round into the grid.
+  if (!(at.minCoeff() >= 0)) return kNoLeaf;
+  const LeafIndex leaf{static_cast<int>(at.x()), static_cast<int>(at.y()),
+                       static_cast<int>(at.z())};
   return grid_.contains(leaf) ? grid_.address(leaf) : kNoLeaf;
 }
 

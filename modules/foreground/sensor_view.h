@@ -30,6 +30,8 @@ class DepthModel {
   std::uint16_t raw_far() const { return trim_.last; }
   // Metres along the optical axis; valid up to raw_far().
   float z(std::uint16_t raw) const { return z_[raw]; }
+  // Beyond this depth nothing can be told from the farthest reading.
+  float z_max() const { return z_[trim_.last] + tolerance_[trim_.last] + 0.01F; }
   // noise_sigmas standard deviations of a reading, metres; valid up to raw_far().
   float tolerance(std::uint16_t raw) const { return tolerance_[raw]; }
   float sigma(std::uint16_t raw) const { return sigma_[raw]; }

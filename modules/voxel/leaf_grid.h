@@ -52,6 +52,10 @@ class LeafGrid {
     return (block << 15) | spread(x & 31) | (spread(y & 31) << 1) | (spread(z & 31) << 2);
   }
   LeafIndex leaf_at(LeafAddress address) const;
+  // The corner of a leaf with the least coordinates (W, metres).
+  Eigen::Vector3d corner(const LeafIndex& leaf) const {
+    return min_ + leaf_m_ * Eigen::Vector3d(leaf[0], leaf[1], leaf[2]);
+  }
   // The centre of a leaf, not rounded (W, metres).
   Eigen::Vector3d centre(const LeafIndex& leaf) const {
     return min_ + leaf_m_ * (Eigen::Vector3d(leaf[0], leaf[1], leaf[2]).array() + 0.5).matrix();

@@ -2,11 +2,19 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 
 #include "base/check.h"
 
 namespace wagonsight {
+namespace {
+
+// std::floor is a call without SSE 4.1.
+inline int floor_of(float value) {
+  const int whole = static_cast<int>(value);
+  return whole - (static_cast<float>(whole) > value ? 1 : 0);
+}
+
+}  // namespace
 
 VoxelGrid::VoxelGrid(std::size_t capacity, double voxel_m)
     : voxel_m_(static_cast<float>(voxel_m)),
@@ -27,10 +35,24 @@ void VoxelGrid::clear() {
 }
 
 bool VoxelGrid::add(float x, float y, float z) {
-  const float fi = std::floor(x * per_voxel_);
-  const float fj = std::floor(y * per_voxel_);
-  const float fk = std::floor(z * per_voxel_);
-  const int i = static_cast<int>(fi), j = static_cast<int>(fj), k = static_cast<int>(fk);
+  const int i = floor_of(x * per_voxel_);
+  const int j = floor_of(y * per_voxel_);
+  const int k = floor_of(z * per_voxel_);
+  const float dx = x - static_cast<float>(i) * voxel_m_;
+  const float dy = y - static_cast<float>(j) * voxel_m_;
+  const float dz = z - static_cast<float>(k) * voxel_m_;
+  const auto join = [&](Voxel& voxel) {
+    voxel.x += dx;
+    voxel.y += dy;
+    voxel.z += dz;
+    ++voxel.points;
+    return true;
+  };
+  // Neighbouring pixels mostly share a voxel.
+  if (latest_ < voxels_.size()) {
+    Voxel& voxel = voxels_[latest_];
+    if (voxel.i == i && voxel.j == j && voxel.k == k) return join(voxel);
+  }
   // Teschner et al. 2003, "Optimized spatial hashing"; finished by a multiply to spread low bits.
   const std::uint32_t mixed = static_cast<std::uint32_t>(i) * 73856093U ^
                               static_cast<std::uint32_t>(j) * 19349663U ^
@@ -39,19 +61,16 @@ bool VoxelGrid::add(float x, float y, float z) {
   while (slots_[place].generation == generation_) {
     Voxel& voxel = voxels_[slots_[place].index];
     if (voxel.i == i && voxel.j == j && voxel.k == k) {
-      voxel.x += x - fi * voxel_m_;
-      voxel.y += y - fj * voxel_m_;
-      voxel.z += z - fk * voxel_m_;
-      ++voxel.points;
-      return true;
+      latest_ = slots_[place].index;
+      return join(voxel);
     }
     place = (place + 1) & slot_mask_;
   }
   const auto index = static_cast<std::uint32_t>(voxels_.size());
-  if (!voxels_.try_push_back(
-          {i, j, k, x - fi * voxel_m_, y - fj * voxel_m_, z - fk * voxel_m_, 1})) {
+  if (!voxels_.try_push_back({i, j, k, dx, dy, dz, 1})) {
     return false;
   }
+  latest_ = index;
   slots_[place] = {generation_, index};
   return true;
 }

@@ -51,6 +51,7 @@ class VoxelGrid {
   std::unique_ptr<Slot[]> slots_;
   BoundedVector<Voxel> voxels_;
   std::uint32_t generation_ = 1;
+  std::uint32_t latest_ = 0;  // voxel that got the last point
 };
 
 }  // namespace wagonsight

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace wagonsight {
+
+// Raw readings against what RayThresholds remembers of each pixel, arrays of one value a pixel.
+struct IntervalArrays {
+  const std::uint16_t *near, *far;                // inside the wagon
+  const std::uint16_t *first_near, *first_far;    // the nearest background interval
+  const std::uint16_t *second_near, *second_far;  // the next one
+  const std::uint16_t* last;                      // the end of the farthest
+};
+
+// For 64 pixels a word: bits of `before` are set where the reading is inside the wagon, in neither
+// interval, and not beyond the last; bits of `beyond` likewise, but beyond the last. Never
+// allocates.
+using IntervalKernel = void (*)(const std::uint16_t* raw, const IntervalArrays& arrays,
+                                std::size_t words, std::uint64_t* before, std::uint64_t* beyond);
+
+// The specification, in plain code.
+void compare_intervals_scalar(const std::uint16_t* raw, const IntervalArrays& arrays,
+                              std::size_t words, std::uint64_t* before, std::uint64_t* beyond);
+// 16 pixels at a time; the same bits. Only on a processor with AVX2.
+void compare_intervals_avx2(const std::uint16_t* raw, const IntervalArrays& arrays,
+                            std::size_t words, std::uint64_t* before, std::uint64_t* beyond);
+bool has_avx2();
+// The fastest that this processor has.
+IntervalKernel best_interval_kernel();
+
+}  // namespace wagonsight
