@@ -12,15 +12,9 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kSeatApproach = 0.45;  // in front of a seat's middle one turns and sits down
-constexpr double kSeatBack = 0.08;      // the pelvis comes to rest this far behind the middle
 
 Vector2d direction_of(double yaw) {
   return {std::cos(yaw), std::sin(yaw)};
-}
-
-Vector2d before_seat(const SceneSeat& seat) {
-  return seat.position + kSeatApproach * direction_of(seat.yaw);
 }
 
 // What a scene puts down without having named it before was carried from the beginning.
@@ -64,6 +58,10 @@ Actor::Actor(const ScenePassenger& passenger, std::size_t index, const Stage& st
   } else if (passenger.start) {
     pose_.x = passenger.start->x(), pose_.y = passenger.start->y();
   }
+}
+
+Vector2d Actor::before_seat(const SceneSeat& seat) {
+  return seat.position + kSeatApproach * direction_of(seat.yaw);
 }
 
 Neighbour Actor::as_neighbour() const {
@@ -228,7 +226,7 @@ void Actor::begin_item(const SceneAct& act, const Stage& stage) {
   const bool near = gap.norm() < reach + 0.2;
   if (!near || pose_.recline > 0) get_up();
   if (!near) walk_to(place - reach * gap.normalized());
-  if (takes || act.to) add(MotionKind::kTurn, kPi, -2, place);
+  if (takes || act.to) add(MotionKind::kTurn, 0, kFaceThePlace, place);
   if (!pram) add(MotionKind::kBend, 0.7);
   const Vector2d dropped = act.to ? place : Vector2d::Zero();
   add(takes ? MotionKind::kTake : MotionKind::kPut, act.to ? 1 : 0, takes ? item : (pram ? 1 : 0),
@@ -257,11 +255,11 @@ void Actor::begin(const SceneAct& act, const Stage& stage) {
   started_ = false;
   if (act.speed > 0) cruise_ = act.speed;
   if (outside_ && act.kind == ActKind::kLeave) return;
-  if (outside_ || act.kind == ActKind::kEnter) {
-    SceneAct enter = act;
-    if (act.kind != ActKind::kEnter) enter = {act.at, ActKind::kEnter, {}, -1, -1, 0, {}};
+  if (act.kind == ActKind::kEnter) {
     if (!outside_) get_up();
-    begin_enter(enter, stage);
+    begin_enter(act, stage);
+  } else if (outside_) {
+    begin_enter({act.at, ActKind::kEnter, {}, -1, -1, 0, {}}, stage);
   }
   switch (act.kind) {
     case ActKind::kEnter:

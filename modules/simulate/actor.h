@@ -53,6 +53,9 @@ class Actor {
   // Goes on by one tick of `dt` seconds that ends at `now`. Does not allocate.
   void tick(double now, double dt, const Stage& stage);
 
+  // Moves a little, where there is floor to stand on, because somebody else is in the way.
+  void give_way(const Eigen::Vector2d& shift, const Stage& stage);
+
   const Figure& figure() const { return figure_; }
   const Pose& pose() const { return pose_; }
   Neighbour as_neighbour() const;
@@ -79,6 +82,10 @@ class Actor {
     kTake,
     kStraighten,
   };
+  // In front of a seat's middle, metres, one turns and sits down; the pelvis comes to rest a little
+  // behind the middle.
+  static constexpr double kSeatApproach = 0.45, kSeatBack = 0.08;
+  static constexpr int kFaceThePlace = -2;  // index of a kTurn towards Motion::to
   struct Motion {
     MotionKind kind = MotionKind::kWait;
     Eigen::Vector2d to = Eigen::Vector2d::Zero();
@@ -86,6 +93,7 @@ class Actor {
     int index = -1;    // of a seat, a door or an item
   };
 
+  static Eigen::Vector2d before_seat(const SceneSeat& seat);
   void begin(const SceneAct& act, const Stage& stage);
   void begin_enter(const SceneAct& act, const Stage& stage);
   void begin_sit(const SceneAct& act, const Stage& stage);
@@ -107,6 +115,10 @@ class Actor {
   bool step_towards(const Eigen::Vector2d& to, double dt, bool last, bool evade,
                     const Stage& stage);
   bool turn_towards(double yaw, double rate, double dt);
+  bool settle(MotionKind kind, double seconds, double dt);
+  bool lean(const Motion& motion, double dt);
+  void appear(const Motion& motion);
+  void slow_down(double dt);
   bool sit_down(const Motion& motion, double dt, const Stage& stage);
   bool recline(const Motion& motion, double seconds, double dt, const Stage& stage);
   double clear_fall_direction(double wanted, const Stage& stage) const;

@@ -112,7 +112,7 @@ bool Actor::sit_down(const Motion& motion, double dt, const Stage& stage) {
   const SceneSeat& seat = stage.scene->seats[static_cast<std::size_t>(motion.index)];
   seat_ = motion.index;
   const double share = eased(dt, motion.value);
-  const Vector2d to = seat.position - 0.08 * direction_of(seat.yaw);
+  const Vector2d to = seat.position - kSeatBack * direction_of(seat.yaw);
   pose_.x = from_.x + share * (to.x() - from_.x);
   pose_.y = from_.y + share * (to.y() - from_.y);
   pose_.support = kSeatHeight;
@@ -198,6 +198,69 @@ void Actor::handle_item(const Motion& motion, const Stage& stage) {
   stage.items->push_back(item);
 }
 
+// Standing up, rising and bending: what ends where it began, upright or bent.
+bool Actor::settle(MotionKind kind, double seconds, double dt) {
+  const double share = eased(dt, seconds), rest = 1 - share;
+  switch (kind) {
+    case MotionKind::kStandUp: {
+      const Vector2d forward = direction_of(pose_.yaw) * (kSeatApproach + kSeatBack);
+      pose_.x = from_.x + share * forward.x();
+      pose_.y = from_.y + share * forward.y();
+      pose_.sit = from_.sit * rest;
+      pose_.lean_x = from_.lean_x * rest;
+      pose_.lean_y = from_.lean_y * rest;
+      break;
+    }
+    case MotionKind::kRise:
+      pose_.recline = from_.recline * rest;
+      pose_.crouch = 0.8 * std::sin(kPi * share);
+      pose_.support = from_.support * rest;
+      break;
+    case MotionKind::kBend:
+      pose_.crouch = share * (1 - 0.5 * pose_.sit);
+      slow_down(dt);
+      break;
+    default:  // kStraighten
+      pose_.crouch = from_.crouch * rest;
+      break;
+  }
+  const bool ends = progress_ >= 1;
+  if (ends && (kind == MotionKind::kStandUp || kind == MotionKind::kRise)) seat_ = -1;
+  return ends;
+}
+
+bool Actor::lean(const Motion& motion, double dt) {
+  const double share = eased(dt, motion.value);
+  const double angle = motion.index < 0 ? 0 : 0.32;
+  const Vector2d towards = motion.to - Vector2d(from_.x, from_.y);
+  const double side = towards.norm() > 1e-6 ? yaw_of(towards) - pose_.yaw : 0;
+  pose_.lean_x = from_.lean_x + share * (angle * std::cos(side) - from_.lean_x);
+  pose_.lean_y = from_.lean_y + share * (angle * std::sin(side) - from_.lean_y);
+  pose_.step = from_.step * (1 - share);
+  return progress_ >= 1;
+}
+
+void Actor::appear(const Motion& motion) {
+  pose_ = {};
+  pose_.x = motion.to.x(), pose_.y = motion.to.y(), pose_.yaw = motion.value;
+  pose_.bag = from_.bag, pose_.pram = from_.pram;
+  pose_.present = true;
+}
+
+void Actor::slow_down(double dt) {
+  speed_ = 0;
+  pose_.step = std::max(0.0, pose_.step - 1.5 * dt);
+}
+
+void Actor::give_way(const Vector2d& shift, const Stage& stage) {
+  const Vector2d to = at() + shift;
+  if (outside_ || !stage.plan->walkable(to)) return;
+  // Half way into a seat or to the floor nobody can be pushed.
+  const MotionKind kind = motion_ < motions_.size() ? motions_[motion_].kind : MotionKind::kWait;
+  if (kind != MotionKind::kWait && kind != MotionKind::kFollow && kind != MotionKind::kTurn) return;
+  pose_.x = to.x(), pose_.y = to.y();
+}
+
 bool Actor::run(const Motion& motion, double dt, const Stage& stage) {
   if (motion.kind == MotionKind::kFollow) return follow(motion, dt, stage);
   if (!started_) {
@@ -207,9 +270,7 @@ bool Actor::run(const Motion& motion, double dt, const Stage& stage) {
   }
   switch (motion.kind) {
     case MotionKind::kAppear:
-      pose_ = {motion.to.x(), motion.to.y(), motion.value};
-      pose_.bag = from_.bag, pose_.pram = from_.pram;
-      pose_.present = true;
+      appear(motion);
       return true;
     case MotionKind::kVanish:
       pose_.present = false;
@@ -217,66 +278,35 @@ bool Actor::run(const Motion& motion, double dt, const Stage& stage) {
       return true;
     case MotionKind::kOpenDoor:
       door_in_use_ = motion.index;
-      [[fallthrough]];
+      slow_down(dt);
+      return eased(dt, motion.value) >= 1;
     case MotionKind::kWait:
-      speed_ = 0;
-      pose_.step = std::max(0.0, pose_.step - 1.5 * dt);
+      slow_down(dt);
       return eased(dt, motion.value) >= 1;
     case MotionKind::kStraight:
-      if (step_towards(motion.to, dt, false, true, stage)) {
-        outside_ = false;
-        return true;
-      }
-      return false;
+      if (!step_towards(motion.to, dt, false, true, stage)) return false;
+      outside_ = false;
+      return true;
     case MotionKind::kTurn:
-      pose_.step = std::max(0.0, pose_.step - 1.5 * dt);
-      if (motion.index != -2) return turn_towards(motion.value, 3.5, dt);
+      slow_down(dt);
+      if (motion.index != kFaceThePlace) return turn_towards(motion.value, 3.5, dt);
       return turn_towards(yaw_of(motion.to - at()), 3.5, dt);
     case MotionKind::kSit:
       return sit_down(motion, dt, stage);
-    case MotionKind::kStandUp: {
-      const double share = eased(dt, motion.value);
-      const Vector2d forward = direction_of(pose_.yaw) * 0.53;
-      pose_.x = from_.x + share * forward.x();
-      pose_.y = from_.y + share * forward.y();
-      pose_.sit = from_.sit * (1 - share);
-      pose_.lean_x = from_.lean_x * (1 - share);
-      pose_.lean_y = from_.lean_y * (1 - share);
-      if (progress_ >= 1) seat_ = -1;
-      return progress_ >= 1;
-    }
-    case MotionKind::kLean: {
-      const double share = eased(dt, motion.value);
-      const double angle = motion.index < 0 ? 0 : 0.32;
-      const Vector2d towards = motion.to - Vector2d(from_.x, from_.y);
-      const double side = towards.norm() > 1e-6 ? yaw_of(towards) - pose_.yaw : 0;
-      pose_.lean_x = from_.lean_x + share * (angle * std::cos(side) - from_.lean_x);
-      pose_.lean_y = from_.lean_y + share * (angle * std::sin(side) - from_.lean_y);
-      pose_.step = from_.step * (1 - share);
-      return progress_ >= 1;
-    }
+    case MotionKind::kLean:
+      return lean(motion, dt);
     case MotionKind::kFall:
     case MotionKind::kLieDown:
       return recline(motion, motion.value, dt, stage);
-    case MotionKind::kRise: {
-      const double share = eased(dt, motion.value);
-      pose_.recline = from_.recline * (1 - share);
-      pose_.crouch = 0.8 * std::sin(kPi * share);
-      pose_.support = from_.support * (1 - share);
-      if (progress_ >= 1) seat_ = -1;
-      return progress_ >= 1;
-    }
-    case MotionKind::kBend:
-      pose_.crouch = eased(dt, motion.value) * (1 - 0.5 * pose_.sit);
-      pose_.step = std::max(0.0, pose_.step - 1.5 * dt);
-      return progress_ >= 1;
-    case MotionKind::kStraighten:
-      pose_.crouch = from_.crouch * (1 - eased(dt, motion.value));
-      return progress_ >= 1;
     case MotionKind::kPut:
     case MotionKind::kTake:
       handle_item(motion, stage);
       return true;
+    case MotionKind::kStandUp:
+    case MotionKind::kRise:
+    case MotionKind::kBend:
+    case MotionKind::kStraighten:
+      return settle(motion.kind, motion.value, dt);
     case MotionKind::kFollow:
       break;
   }

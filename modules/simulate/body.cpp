@@ -135,8 +135,10 @@ Placement placement_of(const Figure& figure, const Pose& pose) {
   if (pose.recline <= 0) return placement;
   const Vector3d axis(-std::sin(pose.recline_yaw), std::cos(pose.recline_yaw), 0);
   placement.rotation = AngleAxisd(pose.recline * 0.5 * kPi, axis).toRotationMatrix() * yaw;
-  // Flat on the floor the body's middle is half its thickness high.
-  const double thickness = 0.075 * figure.height * figure.girth;
+  // Flat on the floor the body's middle is half its thickness high, on its side half its width.
+  const double turn = pose.recline_yaw - pose.yaw;
+  const double thickness =
+      figure.height * figure.girth * std::hypot(0.078 * std::cos(turn), 0.14 * std::sin(turn));
   placement.position.z() = pose.recline * (thickness + pose.support);
   return placement;
 }
@@ -250,8 +252,11 @@ void clad(const Figure& figure, const Pose& pose, std::int32_t tag, Parts& parts
     cladding.ball(s.hip[i], thigh, figure.trousers);
     cladding.ball(s.knee[i], 0.69 * thigh, figure.trousers);
     cladding.limb(s.knee[i], s.ankle[i], 0.68 * thigh, 0.45 * thigh, figure.trousers);
-    cladding.ellipsoid(s.ankle[i] + Vector3d(0.04 * h, 0, 0.022 * h - l.ankle),
-                       Matrix3d::Identity(), {0.077 * h, 0.028 * h, 0.022 * h}, kShoes);
+    // Lying, the feet hang down along the shanks.
+    const Matrix3d foot =
+        AngleAxisd(0.45 * kPi * pose.recline, Vector3d::UnitY()).toRotationMatrix();
+    cladding.ellipsoid(s.ankle[i] + foot * Vector3d(0.04 * h, 0, 0.022 * h - l.ankle), foot,
+                       {0.077 * h, 0.028 * h, 0.022 * h}, kShoes);
   }
 }
 

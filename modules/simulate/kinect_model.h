@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -47,6 +48,8 @@ class KinectModel {
   void draw_parts();
   void score_parts();
   void add_noise(std::uint32_t number, std::span<std::uint16_t> depth);
+  void look_aside(int v);
+  void quantise(int v, std::span<std::uint16_t> out);
   std::size_t at(int u, int v) const {
     return static_cast<std::size_t>((v + kMargin) * kStride + u + kMargin);
   }
@@ -58,11 +61,13 @@ class KinectModel {
   KinectOptics optics_;
   std::vector<Still> stills_;
   BoundedVector<PreparedPart> parts_;
-  BoundedVector<float> part_score_;           // what foreign light and sun take, by part
-  std::vector<float> inverse_depth_, score_;  // kRows x kStride
-  std::vector<std::int32_t> part_;            // likewise; index into parts_ or -1
-  PixelRect changed_;                         // where parts were drawn
+  BoundedVector<float> part_score_, part_foreign_;  // by part
+  std::array<float, 256> incidence_score_{};        // what a cosine of i / 255 takes from a score
+  std::vector<float> inverse_depth_, score_;        // kRows x kStride
+  std::vector<std::int32_t> part_;                  // likewise; index into parts_ or -1
+  PixelRect changed_;                               // where parts were drawn
   NoiseField depth_noise_, score_noise_, shift_u_, shift_v_;
+  std::array<float, kWidth> row_depth_{}, row_score_{};
   std::vector<std::uint16_t> millimetres_;  // by level
 };
 

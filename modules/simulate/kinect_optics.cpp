@@ -182,7 +182,7 @@ StillView KinectOptics::still_view(const Rigid& X_WS, const SceneLight& light) c
         read_pane(part, material, light, X_WS, u, v, w, score);
         continue;
       }
-      score = surface_score(part.albedo, raster_.incidence(part, u, v, w), w) + 0.8F * luck_[i] -
+      score = surface_score(part.albedo, raster_.incidence(part, u, v, w), w) + kLuck * luck_[i] -
               foreign_penalty(foreign_light(p_W, X_WS), luck_[i]);
       if (sunlit(p_W, light)) score = kNoReading;
     }

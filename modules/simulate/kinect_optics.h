@@ -23,8 +23,11 @@ inline constexpr float kNoReading = -20.0F;  // a score nothing can lift
 inline float surface_score(float albedo, float incidence, float w) {
   const float c = std::max(incidence, 0.005F);
   const float signal = albedo / 0.45F * c * (9.0F * w * w);
-  return 4.0F + 0.7F * std::log2(signal + 1e-9F) - 0.05F / c;
+  return 5.8F + 0.8F * std::log2(signal + 1e-9F) - 0.05F / c;
 }
+
+// What the speckle luck of a pixel adds to its score, at one standard deviation.
+inline constexpr float kLuck = 0.7F;
 
 // Where the image was: a working image has a margin on every side, so that looking a few pixels
 // aside needs no test.

@@ -187,31 +187,4 @@ void Raster::draw(const PreparedPart& part, std::int32_t index, const RasterTarg
   }
 }
 
-float Raster::incidence(const PreparedPart& part, int u, int v, float w) const {
-  const std::array<float, 3> d{ray_x(u), ray_y(v), 1.0F};
-  const float t = 1.0F / w;
-  std::array<float, 3> local{};
-  for (std::size_t i = 0; i < 3; ++i)
-    local[i] = (part.m[i][0] * d[0] + part.m[i][1] * d[1] + part.m[i][2]) * t - part.c[i];
-  std::array<float, 3> gradient = local;  // of the implicit function, in local coordinates
-  if (part.shape == Part::Shape::kCone) {
-    gradient[2] = -part.taper * (1.0F + part.taper * local[2]);
-  } else if (part.shape == Part::Shape::kBox) {
-    std::size_t face = 0;
-    for (std::size_t i = 1; i < 3; ++i)
-      if (std::abs(local[i]) > std::abs(local[face])) face = i;
-    gradient = {0, 0, 0};
-    gradient[face] = local[face];
-  }
-  float dot = 0, norm2 = 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const float n =
-        gradient[0] * part.m[0][k] + gradient[1] * part.m[1][k] + gradient[2] * part.m[2][k];
-    dot += n * d[k];
-    norm2 += n * n;
-  }
-  const float d2 = d[0] * d[0] + d[1] * d[1] + 1.0F;
-  return std::abs(dot) / std::sqrt(norm2 * d2 + 1e-20F);
-}
-
 }  // namespace wagonsight

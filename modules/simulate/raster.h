@@ -1,5 +1,8 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -63,5 +66,27 @@ class Raster {
   Camera camera_;
   std::vector<float> ray_x_, ray_y_;  // by column and by row
 };
+
+inline float Raster::incidence(const PreparedPart& part, int u, int v, float w) const {
+  const float x = ray_x(u), y = ray_y(v), t = 1.0F / w;
+  std::array<float, 3> local{};
+  for (std::size_t i = 0; i < 3; ++i)
+    local[i] = (part.m[i][0] * x + part.m[i][1] * y + part.m[i][2]) * t - part.c[i];
+  if (part.shape == Part::Shape::kCone) {
+    local[2] = -part.taper * (1.0F + part.taper * local[2]);
+  } else if (part.shape == Part::Shape::kBox) {
+    std::size_t face = 0;
+    for (std::size_t i = 1; i < 3; ++i)
+      if (std::abs(local[i]) > std::abs(local[face])) face = i;
+    for (std::size_t i = 0; i < 3; ++i) local[i] = i == face ? local[i] : 0.0F;
+  }
+  // The gradient of the implicit function, from local coordinates back to S.
+  std::array<float, 3> n{};
+  for (std::size_t k = 0; k < 3; ++k)
+    n[k] = local[0] * part.m[0][k] + local[1] * part.m[1][k] + local[2] * part.m[2][k];
+  const float dot = n[0] * x + n[1] * y + n[2];
+  const float norm2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+  return std::min(std::abs(dot) / std::sqrt(norm2 * (x * x + y * y + 1.0F) + 1e-20F), 1.0F);
+}
 
 }  // namespace wagonsight

@@ -22,7 +22,7 @@ float albedo_of(Material material) {
     case Material::kPlain:
       return 0.45F;
     case Material::kDark:
-      return 0.06F;
+      return 0.006F;
     case Material::kMetal:
       return 0.3F;
     case Material::kGlass:

@@ -42,6 +42,25 @@ void World::move_doors(double dt) {
   }
 }
 
+// Two who stand or walk cannot be in one place: they give way to each other, slowly.
+void World::keep_apart(double dt) {
+  constexpr double kApart = 0.42, kGivesWay = 0.5;  // metres between middles; metres a second
+  for (std::size_t i = 0; i < actors_.size(); ++i) {
+    for (std::size_t j = i + 1; j < actors_.size(); ++j) {
+      const Neighbour &a = neighbours_[i], &b = neighbours_[j];
+      if (!a.present || !b.present || !a.upright || !b.upright) continue;
+      const Eigen::Vector2d gap = b.position - a.position;
+      const double distance = gap.norm();
+      if (distance >= kApart || distance < 1e-6) continue;
+      const Eigen::Vector2d shift =
+          gap / distance * std::min(0.5 * (kApart - distance), kGivesWay * dt);
+      actors_[i].give_way(-shift, stage_);
+      actors_[j].give_way(shift, stage_);
+    }
+  }
+  for (std::size_t i = 0; i < actors_.size(); ++i) neighbours_[i] = actors_[i].as_neighbour();
+}
+
 void World::tick() {
   ++ticks_;
   constexpr double dt = static_cast<double>(kTickNs) * 1e-9;
@@ -50,6 +69,7 @@ void World::tick() {
     actors_[i].tick(now, dt, stage_);
     neighbours_[i] = actors_[i].as_neighbour();
   }
+  keep_apart(dt);
   move_doors(dt);
   remember();
 }

@@ -51,6 +51,7 @@ class World {
   Bracket reach(HostTime instant);
   void tick();
   void remember();
+  void keep_apart(double dt);
   void move_doors(double dt);
   bool inside(const Eigen::Vector2d& p) const;
 
