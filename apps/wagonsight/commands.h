@@ -14,6 +14,7 @@ struct CommandLine {
   std::function<Result<void>()> run;
 };
 
+void add_simulate(CommandLine& line);
 void add_import(CommandLine& line);
 void add_replay(CommandLine& line);
 void add_evaluate(CommandLine& line);

@@ -29,6 +29,7 @@ void declare(CommandLine& line) {
     const std::string name = chosen_name(*failed);
     return fmt::format("{}: {}; see {} --help\n", name, error.what(), name);
   });
+  add_simulate(line);
   add_import(line);
   add_replay(line);
   add_evaluate(line);

@@ -68,6 +68,9 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(ByteSink& sink,
                                   .data = blob};
   if (auto done = writer->mcap_->add_attachment(attachment); !done)
     return tl::unexpected(done.error());
+  for (const McapAttachment& other : options.attachments)
+    if (auto done = writer->mcap_->add_attachment(other); !done)
+      return tl::unexpected(done.error());
 
   const auto schemas = writer->add_schemas();
   if (!schemas) return tl::unexpected(schemas.error());

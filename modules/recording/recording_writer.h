@@ -25,6 +25,8 @@ struct RecordingOptions {
   McapWriterOptions mcap;
   // What is stored beside the frames about the recording's origin: program, scene, seed, folder.
   McapPairs provenance;
+  // Files that belong to the recording, besides the blob; their bytes are used by create() only.
+  std::vector<McapAttachment> attachments;
   // The zero of "seconds since the recording's start".
   HostTime start{};
 };
