@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <sstream>
 
 #include "base/capacities.h"
 #include "settings/table_reader.h"
@@ -13,7 +12,6 @@
 namespace wagonsight {
 namespace {
 
-constexpr std::size_t kTextBytesMax = 1 << 20;  // a settings file has a few kilobytes
 constexpr std::size_t kPathBytesMax = 1000;
 constexpr std::size_t kTokenBytesMin = 16, kTokenBytesMax = 128;
 
@@ -188,9 +186,9 @@ bool WebSettings::on_loopback() const {
 }
 
 Result<Settings> parse_settings(std::string_view text, std::string_view file_name) {
-  if (text.size() > kTextBytesMax)
+  if (text.size() > kSettingsBytesMax)
     return fail(fmt::format("{}: {} bytes are more than the {} of any settings file", file_name,
-                            text.size(), kTextBytesMax));
+                            text.size(), kSettingsBytesMax));
   const toml::parse_result file = toml::parse(text, file_name);
   Mistakes mistakes(file_name);
   if (!file) {
@@ -200,24 +198,6 @@ Result<Settings> parse_settings(std::string_view text, std::string_view file_nam
   Settings settings = read_all(file.table(), file_name, mistakes);
   if (!mistakes.empty()) return fail(mistakes.text());
   return settings;
-}
-
-std::string without_secrets(std::string_view text) {
-  if (text.size() > kTextBytesMax) return {};
-  toml::parse_result file = toml::parse(text);
-  if (!file) return {};
-  toml::table& table = file.table();
-  if (toml::table* web = table["web"].as_table()) {
-    // Whatever stands there, of whatever form, is a secret.
-    if (toml::table* tokens = (*web)["tokens"].as_table()) {
-      for (auto&& [key, node] : *tokens) tokens->insert_or_assign(key, "(removed)");
-    } else if (web->contains("tokens")) {
-      web->insert_or_assign("tokens", "(removed)");
-    }
-  }
-  std::ostringstream out;
-  out << toml::toml_formatter(table);
-  return out.str();
 }
 
 }  // namespace wagonsight

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -75,6 +76,9 @@ struct Settings {
   RecordingSettings recording;
   DemoSettings demo;
 };
+
+// A settings file has a few kilobytes; more than this is none.
+inline constexpr std::size_t kSettingsBytesMax = 1 << 20;
 
 // Reads settings. `file_name` is for the messages and for relative paths, which start at the file's
 // folder. The Error lists every mistake, one line each:

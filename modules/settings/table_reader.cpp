@@ -38,8 +38,6 @@ void append_shown(const toml::node& node, std::string& text) {
 std::string shown(const toml::node& node) {
   std::string text;
   append_shown(node, text);
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, ' ');
   if (text.size() > kShownBytesMax) {
     std::size_t end = kShownBytesMax;  // never within a UTF-8 sequence
     while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
@@ -86,7 +84,11 @@ std::string_view nearest_word(std::string_view word, const std::vector<std::stri
 
 void Mistakes::add(const toml::source_region& where, std::string_view what, std::string_view rule) {
   const std::uint32_t number = where.begin.line;
-  lines_.push_back({number, fmt::format("{}:{}: {}: {}", file_name_, number, what, rule)});
+  std::string text = fmt::format("{}:{}: {}: {}", file_name_, number, what, rule);
+  // A line is a line and a terminal is left alone, whatever stands in the file.
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, ' ');
+  lines_.push_back({number, std::move(text)});
 }
 
 std::string Mistakes::text() const {

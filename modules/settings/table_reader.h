@@ -1,8 +1,5 @@
 #pragma once
 
-#define TOML_EXCEPTIONS 0
-#include <toml++/toml.h>
-
 #include <array>
 #include <cstdint>
 #include <initializer_list>
@@ -10,6 +7,8 @@
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "settings/toml.h"
 
 // Reads one table of a TOML file key by key and gathers what is wrong with it. Internal to
 // settings.

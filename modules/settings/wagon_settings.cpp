@@ -35,8 +35,9 @@ Bounds read_inside(const toml::table& table, Mistakes& mistakes) {
     std::array<double, 3> min{}, max{};
     corners.require("min", "the box needs both corners");
     corners.require("max", "the box needs both corners");
-    const bool both = corners.numbers("min", min, -kCoordinateMax_m, kCoordinateMax_m) &
-                      corners.numbers("max", max, -kCoordinateMax_m, kCoordinateMax_m);
+    const bool low = corners.numbers("min", min, -kCoordinateMax_m, kCoordinateMax_m);
+    const bool high = corners.numbers("max", max, -kCoordinateMax_m, kCoordinateMax_m);
+    const bool both = low && high;
     inside.min = {min[0], min[1], min[2]};
     inside.max = {max[0], max[1], max[2]};
     if (both && !((inside.max - inside.min).array() >= 0.5).all())
@@ -173,8 +174,9 @@ class Furnisher {
     std::array<double, 3> min{}, max{};
     reader.require("min", "a mask is a box, min and max");
     reader.require("max", "a mask is a box, min and max");
-    const bool both = reader.numbers("min", min, -kCoordinateMax_m, kCoordinateMax_m) &
-                      reader.numbers("max", max, -kCoordinateMax_m, kCoordinateMax_m);
+    const bool low = reader.numbers("min", min, -kCoordinateMax_m, kCoordinateMax_m);
+    const bool high = reader.numbers("max", max, -kCoordinateMax_m, kCoordinateMax_m);
+    const bool both = low && high;
     mask.bounds = {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
     if (both && !(mask.bounds.min.array() <= mask.bounds.max.array()).all())
       reader.refuse("max", "must not be below min in x, y or z");

@@ -121,10 +121,22 @@ admin = ["0123456789abcdef1"]
 )";
   const std::string told = without_secrets(kText);
   EXPECT_THAT(told, HasSubstr("port = 81"));
-  EXPECT_THAT(told, HasSubstr("read = '(removed)'"));
+  EXPECT_THAT(told, HasSubstr("read = \"(removed)\""));
   EXPECT_THAT(told, Not(HasSubstr("0123456789abcdef")));
   EXPECT_THAT(without_secrets("[web]\ntokens = \"0123\""), Not(HasSubstr("0123")));
   EXPECT_EQ(without_secrets("[web"), "");
+}
+
+// What is told reads back as the same settings.
+TEST(Settings, SurviveBeingTold) {
+  const std::string told = without_secrets(file_text("config/wagonsight.toml"));
+  const Settings settings = read(told);
+  EXPECT_EQ(settings.unit.name, "wagon 4711");
+  EXPECT_EQ(settings.wagon->masks.size(), 3U);
+  EXPECT_EQ(settings.wagon->masks[1].bounds.max.z(), 1.8);
+  EXPECT_EQ(without_secrets(told), told);
+  const std::string odd = "'a b' = \"\\\"\\\\\\n\"\n";
+  EXPECT_EQ(without_secrets(odd), "\"a b\" = \"\\\"\\\\\\u000A\"\n");
 }
 
 struct BadSettings {
