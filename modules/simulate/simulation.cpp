@@ -124,7 +124,9 @@ bool SimulatedSensor::poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot
   const Duration arrival = timing.arrival.time_since_epoch();
   if (arrival > end_) return false;
   if (!pace_->wait_until(start_ + arrival, timeout)) return true;
-  FrameSlot* slot = pool.acquire();
+  constexpr Duration kBehindMax = std::chrono::milliseconds(50);
+  const bool behind = pace_->behind(start_ + arrival) > kBehindMax;
+  FrameSlot* slot = behind ? nullptr : pool.acquire();
   if (slot == nullptr) {
     device_.skip();
     ++counters_.dropped;

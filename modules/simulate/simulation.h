@@ -102,6 +102,9 @@ class Pace {
   virtual ~Pace() = default;
   // Waits until `when` or for `timeout`, whichever comes first; true when `when` has come.
   virtual bool wait_until(HostTime when, Duration timeout) = 0;
+  // How far `when` has passed. A sensor that is further behind than a device could buffer drops
+  // frames until it has caught up; a replay is never behind.
+  virtual Duration behind([[maybe_unused]] HostTime when) const { return Duration::zero(); }
 };
 
 // A sensor of a scene in the form of a driver. Frames carry host times that begin at `start`.

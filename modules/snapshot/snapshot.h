@@ -115,7 +115,7 @@ struct SensorStatus {
   Name kind;
   SensorState state = SensorState::kStarting;
   double fps = 0, expected_fps = 0;
-  std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
+  std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;  // frames: good and used
   double skew_ms = 0, latency_ms = 0;
   double temperature_c = 0;
   bool has_temperature = false;

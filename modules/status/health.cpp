@@ -38,28 +38,54 @@ bool is_running(const SensorStatus& sensor) {
          sensor.state == SensorState::kLearning;
 }
 
+bool is_slow(const SensorStatus& sensor, const HealthLimits& limits) {
+  return is_running(sensor) && sensor.expected_fps > 0 &&
+         sensor.fps < limits.rate_share_min * sensor.expected_fps;
+}
+
+// One fault a sensor: what lacks frames also drops them and is out of step.
 void judge_sensor_rate(Assessment& out, const SensorStatus& sensor, const HealthLimits& limits) {
   const std::string name(sensor.name.view());
-  if (sensor.expected_fps > 0 && sensor.fps < limits.rate_share_min * sensor.expected_fps)
+  if (is_slow(sensor, limits)) {
     out.fault(
         "sensor_rate_low", name, Verdict::kDegraded,
         fmt::format("Sensor {} gives {:.1f} instead of {:.0f} frames a second.", name, sensor.fps,
                     sensor.expected_fps),
         "Check that the sensor has a USB or 1394 bus of its own and that its cable is whole.");
-  if (sensor.dropped_share > limits.dropped_share_max)
+  } else if (sensor.dropped_share > limits.dropped_share_max) {
     out.fault("sensor_drops", name, Verdict::kDegraded,
               fmt::format("Sensor {} lost {:.1f}% of its frames in the last ten seconds.", name,
                           100 * sensor.dropped_share),
               "Look at the stage timings: if they are within 33 ms, check the cable and the bus.");
-  if (std::abs(sensor.skew_ms) > limits.skew_ms_max)
+  } else if (std::abs(sensor.skew_ms) > limits.skew_ms_max) {
     out.fault(
         "sensor_skew", name, Verdict::kDegraded,
         fmt::format("Sensor {} is {:.1f} ms away from the common instant.", name, sensor.skew_ms),
         "Restart the unit; if it stays, the sensor's clock drifts and it needs replacing.");
+  }
+}
+
+// Several slow sensors at once are not the sensors' fault.
+bool judge_overload(Assessment& out, const Snapshot& snapshot, const HealthLimits& limits) {
+  std::size_t slow = 0;
+  double fps_least = 1e9, fps_most = 0;
+  for (const SensorStatus& sensor : snapshot.sensors) {
+    if (!is_slow(sensor, limits)) continue;
+    ++slow;
+    fps_least = std::min(fps_least, sensor.fps);
+    fps_most = std::max(fps_most, sensor.fps);
+  }
+  if (slow < 2 || 2 * slow <= snapshot.sensors.size()) return false;
+  out.fault("overload", "", Verdict::kDegraded,
+            fmt::format("{} of {} sensors give too few frames, {:.0f} to {:.0f} a second: the "
+                        "computer does not keep up.",
+                        slow, snapshot.sensors.size(), fps_least, fps_most),
+            "Stop what else runs on this computer; if nothing does, fetch the diagnostics.");
+  return true;
 }
 
 void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus& sensor,
-                  const HealthLimits& limits) {
+                  const HealthLimits& limits, bool overloaded) {
   const std::string name(sensor.name.view());
   if (sensor.state == SensorState::kLost) {
     const std::string since = sensor.frames == 0
@@ -69,7 +95,7 @@ void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus&
     out.fault(
         "sensor_lost", name, Verdict::kDegraded, fmt::format("Sensor {} {}.", name, since),
         fmt::format("Check the cable and the power of {}; it is taken up again by itself.", name));
-  } else if (is_running(sensor)) {
+  } else if (is_running(sensor) && !overloaded) {
     judge_sensor_rate(out, sensor, limits);
   }
   if (sensor.has_temperature && sensor.temperature_c > limits.temperature_c_max)
@@ -86,7 +112,9 @@ void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus&
 }
 
 void judge_sensors(Assessment& out, const Snapshot& snapshot, const HealthLimits& limits) {
-  for (const SensorStatus& sensor : snapshot.sensors) judge_sensor(out, snapshot, sensor, limits);
+  const bool overloaded = judge_overload(out, snapshot, limits);
+  for (const SensorStatus& sensor : snapshot.sensors)
+    judge_sensor(out, snapshot, sensor, limits, overloaded);
   if (snapshot.sensors.empty()) {
     out.fault("no_sensor", "", Verdict::kFailed, "No sensor is configured.",
               "Run `wagonsight devices` and paste its lines into the configuration.");

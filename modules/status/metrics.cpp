@@ -100,7 +100,7 @@ void tell_sensors(MetricsText& out, const Snapshot& snapshot) {
              [](S s) { return s.fps; });
   per_sensor(out, snapshot, "sensor_expected_rate_hertz", "gauge", "The rate it is meant to have.",
              [](S s) { return s.expected_fps; });
-  per_sensor(out, snapshot, "sensor_frames_total", "counter", "Frames that came.",
+  per_sensor(out, snapshot, "sensor_frames_total", "counter", "Good frames that were used.",
              [](S s) { return s.frames; });
   per_sensor(out, snapshot, "sensor_frames_dropped_total", "counter",
              "Frames for which there was no buffer or no time.", [](S s) { return s.dropped; });

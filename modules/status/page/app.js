@@ -186,7 +186,7 @@
     put('cal-age', c.age_s !== null ? `${duration(c.age_s)} ago` : 'not stated');
     const known = c.sensors.map((s) => s.rms_px).filter((v) => v !== null);
     put('cal-rms', known.length ? `${Math.min(...known).toFixed(2)} to ${Math.max(...known).toFixed(2)} px` : 'not stated');
-    put('cal-geo', c.georeference.present ? `known to ${(1000 * c.georeference.sigma_m).toFixed(0)} mm` : 'not surveyed');
+    put('cal-geo', c.georeference.present ? c.georeference.sigma_m > 0 ? `known to ${(1000 * c.georeference.sigma_m).toFixed(0)} mm` : 'surveyed' : 'not surveyed');
     put('cal-drift', c.drift.alarm ? c.drift.text : 'no alarm');
   }
 
@@ -262,7 +262,8 @@
   function onState(s) {
     state = s;
     showHealth(s.health);
-    if (s.health.unix_time && s.health.uptime_s !== null) clockOffset = s.health.unix_time - s.health.uptime_s;
+    // A unit that does not know the time is shown in this browser's.
+    if (s.health.uptime_s !== null) clockOffset = (s.health.unix_time || Date.now() / 1000) - s.health.uptime_s;
     if (s.occupancy) showOccupancy(s.occupancy);
     if (s.sensors) showSensors(s.sensors);
     if (s.pipeline) showPipeline(s.pipeline);

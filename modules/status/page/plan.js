@@ -5,6 +5,7 @@
 const SVG = 'http://www.w3.org/2000/svg';
 const TRAIL_S = 6;          // how much of a person's way is shown
 const DELAY_S = 0.15;       // drawn that much behind the newest frame, so that motion is smooth
+const SURE_MAX_M = 0.4;     // the ring of uncertainty grows no larger
 const ARROW_S = 0.7;        // an arrow shows where a person is that much later
 
 function shape(parent, name, attributes, text) {
@@ -269,8 +270,9 @@ class PlanView {
     }
     person.sure.setAttribute('transform', `rotate(${yaw.toFixed(1)})`);
     const [sx, sy] = this.upright ? [last.sigma[1], last.sigma[0]] : last.sigma;
-    person.sure.setAttribute('rx', (half + 2 * sx * this.scale).toFixed(1));
-    person.sure.setAttribute('ry', (high + 2 * sy * this.scale).toFixed(1));
+    const doubt = (sigma) => Math.min(2 * sigma, SURE_MAX_M) * this.scale;
+    person.sure.setAttribute('rx', (half + doubt(sx)).toFixed(1));
+    person.sure.setAttribute('ry', (high + doubt(sy)).toFixed(1));
     person.tall.textContent = `${last.height.toFixed(2)} m`;
     person.tall.setAttribute('y', (high + 14).toFixed(1));
     const crowded = this.people.size > 14 && person.id !== this.chosen;

@@ -1,0 +1,126 @@
+#include "daemon.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <memory>
+#include <vector>
+
+#include "frame_source.h"
+#include "http/server.h"
+#include "linux/clocks.h"
+#include "linux/stop_signals.h"
+#include "linux/threads.h"
+#include "publisher.h"
+#include "shared_block.h"
+#include "tracking.h"
+#include "unit.h"
+#include "version.h"
+#include "web_supervisor.h"
+
+namespace wagonsight {
+namespace {
+
+constexpr Duration kPublishPeriod = std::chrono::milliseconds(33);
+// Time to build worlds and pipelines before the first simulated or recorded frame is due.
+constexpr Duration kSourceDelay = std::chrono::milliseconds(1500);
+// The builder queues eight frames of a sensor; one more is worked on and one arrives.
+constexpr std::size_t kSlotsPerSensor = 10;
+
+// What the daemon consists of once it runs; made in this order, taken down in the reverse one.
+class Daemon {
+ public:
+  Daemon(std::unique_ptr<Unit> unit, HostTime start, SharedBlockWriter shared,
+         ListeningSocket listening, const AccessRules& access)
+      : unit_(std::move(unit)),
+        start_(start),
+        shared_(std::move(shared)),
+        log_(shared_.block(), start),
+        pool_(kSlotsPerSensor * unit_->rig.sensors.size() + 2, unit_->slot_bytes),
+        tracking_(std::move(unit_->pipeline), unit_->rig, pool_, bell_, start),
+        publisher_(*unit_, shared_.block(), log_, start),
+        listening_(listening),
+        web_(shared_.fd(), listening.fd, access,
+             [this](std::string_view text) { log_.say(Severity::kWarning, text); }) {
+    for (FrameSource& source : unit_->sources)
+      sources_.push_back(std::make_unique<SourceThread>(std::move(source), pool_, bell_));
+  }
+  ~Daemon() {
+    tracking_.stop();
+    for (auto& source : sources_) source->stop();
+    close(listening_.fd);
+  }
+  Daemon(const Daemon&) = delete;
+  Daemon& operator=(const Daemon&) = delete;
+
+  void start() {
+    for (const std::string& remark : unit_->remarks) log_.say(Severity::kWarning, remark);
+    log_.say(Severity::kNote, fmt::format("wagonsight {} watches with {} sensors.", kVersionText,
+                                          unit_->rig.sensors.size()));
+    std::vector<SourceThread*> sources;
+    for (auto& source : sources_) {
+      source->start();
+      sources.push_back(source.get());
+    }
+    tracking_.start(std::move(sources));
+    publisher_.publish(tracking_, sources_, pool_, 0);
+    // Without a page the wagon is still watched, and the supervisor keeps trying.
+    if (const auto started = web_.start(seconds()); !started)
+      log_.say(Severity::kError, started.error().message);
+  }
+
+  void run_until(const StopSignals& signals) {
+    while (!signals.wait(kPublishPeriod)) {
+      publisher_.publish(tracking_, sources_, pool_, web_.restarts());
+      web_.tick(seconds());
+    }
+    log_.say(Severity::kNote, "Told to stop.");
+  }
+
+ private:
+  static double seconds() { return to_seconds(host_now().time_since_epoch()); }
+
+  std::unique_ptr<Unit> unit_;
+  HostTime start_;
+  SharedBlockWriter shared_;
+  UnitLog log_;
+  FramePool pool_;
+  FrameBell bell_;
+  std::vector<std::unique_ptr<SourceThread>> sources_;
+  Tracking tracking_;
+  Publisher publisher_;
+  ListeningSocket listening_;
+  WebSupervisor web_;
+};
+
+std::string address_text(const std::string& host, std::uint16_t port) {
+  const bool v6 = host.find(':') != std::string::npos && host.front() != '[';
+  return fmt::format("http://{}{}{}:{}/", v6 ? "[" : "", host, v6 ? "]" : "", port);
+}
+
+}  // namespace
+
+Result<void> run_daemon(const DaemonOptions& options) {
+  const StopSignals signals;  // before any thread
+  const HostTime start = host_now();
+  auto unit = assemble_unit(options.config, options.rig, start + kSourceDelay);
+  if (!unit) return tl::unexpected(unit.error());
+  const WebSettings& web = (*unit)->settings.web;
+  const std::string host = web.host;
+  const auto access = access_rules(web);
+  if (!access) return tl::unexpected(access.error());
+  const auto listening = listen_on(host, options.port.value_or(web.port));
+  if (!listening) return tl::unexpected(listening.error());
+  const auto info = std::make_unique<UnitInfo>(unit_info(**unit, kVersionText));
+  auto shared = SharedBlockWriter::create(*info);
+  if (!shared) return tl::unexpected(shared.error());
+
+  Daemon daemon(std::move(*unit), start, std::move(*shared), *listening, *access);
+  daemon.start();
+  fmt::print("{}\n", address_text(host, listening->port));
+  std::fflush(stdout);
+  daemon.run_until(signals);
+  return {};
+}
+
+}  // namespace wagonsight

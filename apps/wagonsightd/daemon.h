@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "base/result.h"
+
+namespace wagonsight {
+
+struct DaemonOptions {
+  std::string config;                 // the settings file
+  std::string rig;                    // a calibration blob instead of the settings'; empty: none
+  std::optional<std::uint16_t> port;  // instead of the settings'
+};
+
+// Runs the unit until SIGTERM, SIGINT or SIGHUP. The Error says what kept it from starting.
+Result<void> run_daemon(const DaemonOptions& options);
+
+}  // namespace wagonsight

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/capacities.h"
+#include "base/spsc_ring.h"
+#include "capture/sensor.h"
+#include "frame/frame.h"
+
+namespace wagonsight {
+
+// A Sensor, and which sensors of the rig its slots belong to. A recording is one source of several.
+struct FrameSource {
+  std::unique_ptr<Sensor> sensor;
+  // By the sensor index that the source writes into its slots; kNone: not wanted, given back.
+  static constexpr std::uint8_t kNone = 0xFF;
+  std::array<std::uint8_t, kSensorsMax> rig_index{};
+  // Renders or decodes what a device would deliver by itself, so it goes after the tracking.
+  bool is_background_work = false;
+  bool allocates = false;  // a decoder's buffers; its thread is not sealed
+};
+
+// Tells the tracking thread that there are frames; never blocks the teller.
+class FrameBell {
+ public:
+  FrameBell();
+  ~FrameBell();
+  FrameBell(const FrameBell&) = delete;
+  FrameBell& operator=(const FrameBell&) = delete;
+  void ring();
+  void wait(Duration timeout);
+
+ private:
+  int fd_;
+};
+
+// The thread of one source: polls it until told to stop, and hands its slots on.
+class SourceThread {
+ public:
+  SourceThread(FrameSource source, FramePool& pool, FrameBell& bell);
+  ~SourceThread();  // stops
+
+  void start();
+  void stop();
+
+  std::string_view name() const { return source_.sensor->name(); }
+  bool ended() const { return ended_.load(std::memory_order_acquire); }
+  const std::array<std::uint8_t, kSensorsMax>& rig_index() const { return source_.rig_index; }
+
+  // For the tracking thread only: the next slot, its sensor_index that of the rig; nullptr: none.
+  FrameSlot* take();
+
+  struct Counters {
+    std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
+  };
+  Counters counters() const;  // any thread
+
+ private:
+  void run();
+  void tell_counters();
+
+  FrameSource source_;
+  FramePool& pool_;
+  FrameBell& bell_;
+  SpscRing<FrameSlot*> ring_;
+  std::atomic<bool> stop_{false}, ended_{false};
+  std::atomic<std::uint64_t> frames_{0}, dropped_{0}, damaged_{0}, resets_{0};
+  std::thread thread_;
+};
+
+}  // namespace wagonsight

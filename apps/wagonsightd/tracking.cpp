@@ -1,0 +1,126 @@
+#include "tracking.h"
+
+#include "linux/clocks.h"
+#include "linux/resources.h"
+#include "linux/sealed_heap.h"
+#include "linux/threads.h"
+
+namespace wagonsight {
+namespace {
+
+// Instants that are older are skipped, so that what is told stays of now: the builder itself waits
+// up to a tenth of a second for late frames.
+constexpr Duration kBacklogMax = std::chrono::milliseconds(300);
+constexpr Duration kWait = std::chrono::milliseconds(4);
+
+std::array<double, kSensorsMax> rates_of(const Rig& rig) {
+  std::array<double, kSensorsMax> rates{};
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) rates[i] = rig.sensors[i].rate_hz;
+  return rates;
+}
+
+FrameSetOptions live_options() {
+  FrameSetOptions options;
+  options.tick_when_silent = true;
+  return options;
+}
+
+}  // namespace
+
+Tracking::Tracking(std::unique_ptr<Pipeline> pipeline, const Rig& rig, FramePool& pool,
+                   FrameBell& bell, HostTime daemon_start)
+    : pipeline_(std::move(pipeline)),
+      sensor_count_(rig.sensors.size()),
+      builder_(pool, std::span<const double>(rates_of(rig)), live_options()),
+      bell_(bell),
+      daemon_start_(daemon_start),
+      now_(std::make_unique<TrackingReport>()),
+      shared_(std::make_unique<Seqlock<TrackingReport>>()) {
+  pipeline_->set_ticker(host_ticks);
+}
+
+Tracking::~Tracking() {
+  stop();
+}
+
+void Tracking::start(std::vector<SourceThread*> sources) {
+  sources_ = std::move(sources);
+  thread_ = std::thread([this] { run(); });
+}
+
+void Tracking::stop() {
+  stop_.store(true, std::memory_order_release);
+  if (thread_.joinable()) thread_.join();
+}
+
+void Tracking::run() {
+  name_this_thread("tracking");
+  const HeapSeal seal;
+  FrameSet set;
+  while (!stop_.load(std::memory_order_acquire)) {
+    bell_.wait(kWait);
+    take_frames();
+    while (builder_.next(host_now(), set)) {
+      if (host_now() - set.instant > kBacklogMax) {
+        ++now_->framesets_dropped;
+      } else {
+        process(set);
+      }
+      take_frames();
+    }
+  }
+}
+
+void Tracking::take_frames() {
+  for (SourceThread* source : sources_) {
+    while (FrameSlot* slot = source->take()) {
+      TrackedSensor& sensor = now_->sensors[slot->sensor_index];
+      sensor.latency_ms = to_milliseconds(slot->arrival - slot->instant);
+      if (!slot->damaged) sensor.last_good = to_seconds(slot->arrival - daemon_start_);
+      builder_.add(slot);
+    }
+  }
+}
+
+void Tracking::process(const FrameSet& set) {
+  if (now_->framesets == 0) frame_offset_s_ = to_seconds(set.instant - daemon_start_);
+  now_->frame = pipeline_->process(set);
+  shift_times(now_->frame);
+  tell(set);
+}
+
+void Tracking::shift_times(PeopleFrame& frame) const {
+  frame.time += frame_offset_s_;
+  for (Person& person : frame.people) {
+    person.since += frame_offset_s_;
+    person.last_seen += frame_offset_s_;
+  }
+  for (Event& event : frame.events) event.since += frame_offset_s_;
+}
+
+void Tracking::tell(const FrameSet& set) {
+  TrackingReport& now = *now_;
+  now.occupancy = pipeline_->occupancy();
+  now.learning = pipeline_->learning();
+  const auto& times = pipeline_->last_stage_times();
+  for (std::size_t i = 0; i < kStageCount; ++i)
+    now.stage_ms[i][now.framesets % TrackingReport::kTimings] =
+        static_cast<float>(to_milliseconds(times[i]));
+  ++now.framesets;
+  for (std::size_t i = 0; i < sensor_count_; ++i) {
+    const FrameSetBuilder::Counters& counters = builder_.counters(i);
+    TrackedSensor& sensor = now.sensors[i];
+    sensor.received = counters.received;
+    sensor.unused = counters.late + counters.overrun + counters.out_of_order +
+                    counters.implausible + counters.duplicates;
+    sensor.damaged = counters.damaged;
+    sensor.background_share = pipeline_->background_share(i);
+    if (set.sensors[i].state == FrameState::kPresent)
+      sensor.skew_ms = to_milliseconds(set.sensors[i].skew);
+  }
+  now.latency_ms = to_milliseconds(host_now() - set.instant);
+  now.cpu_s = to_seconds(thread_cpu_time());
+  shared_->store(now);
+}
+
+}  // namespace wagonsight

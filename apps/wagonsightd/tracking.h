@@ -1,0 +1,78 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "base/seqlock.h"
+#include "capture/frame_set_builder.h"
+#include "frame_source.h"
+#include "pipeline/pipeline.h"
+#include "snapshot/snapshot.h"
+
+namespace wagonsight {
+
+// What the tracking thread says of one sensor.
+struct TrackedSensor {
+  std::uint64_t received = 0;
+  std::uint64_t unused = 0;  // came too late, out of order, or when the pipeline was behind
+  std::uint64_t damaged = 0;
+  double skew_ms = 0;     // of the last frame that was used
+  double latency_ms = 0;  // from the light to the host having the frame
+  double last_good = 0;   // seconds since the daemon's start
+  double background_share = 0;
+};
+
+// What it says after each instant; flat, because it crosses to the control thread by a sequence
+// lock.
+struct TrackingReport {
+  PeopleFrame frame;  // its times are seconds since the daemon's start
+  Occupancy occupancy;
+  std::array<TrackedSensor, kSensorsMax> sensors{};
+  bool learning = true;
+  std::uint64_t framesets = 0, framesets_dropped = 0;
+  double latency_ms = 0;
+  double cpu_s = 0;                             // of the tracking thread
+  static constexpr std::size_t kTimings = 256;  // eight seconds
+  std::array<std::array<float, kTimings>, kStageCount> stage_ms{};
+};
+
+// The thread that turns frames into people: takes slots from the sources, groups them, runs the
+// pipeline. Its heap is sealed.
+class Tracking {
+ public:
+  Tracking(std::unique_ptr<Pipeline> pipeline, const Rig& rig, FramePool& pool, FrameBell& bell,
+           HostTime daemon_start);
+  ~Tracking();  // stops
+
+  void start(std::vector<SourceThread*> sources);
+  void stop();
+
+  // Any one other thread. False until the first instant.
+  bool report(TrackingReport& report) const { return shared_->load(report); }
+  std::uint64_t report_count() const { return shared_->version(); }
+
+ private:
+  void run();
+  void take_frames();
+  void process(const FrameSet& set);
+  void tell(const FrameSet& set);
+  void shift_times(PeopleFrame& frame) const;
+
+  std::unique_ptr<Pipeline> pipeline_;
+  std::size_t sensor_count_;
+  FrameSetBuilder builder_;
+  FrameBell& bell_;
+  HostTime daemon_start_;
+  double frame_offset_s_ = 0;  // the pipeline counts from its first instant
+  std::vector<SourceThread*> sources_;
+  std::unique_ptr<TrackingReport> now_;
+  std::unique_ptr<Seqlock<TrackingReport>> shared_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace wagonsight
