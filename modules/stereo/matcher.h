@@ -7,6 +7,7 @@
 #include "base/result.h"
 #include "frame/image.h"
 #include "stereo/aligned_array.h"
+#include "stereo/gray_image.h"
 #include "stereo/matcher_kernels.h"
 #include "stereo/speckle.h"
 
@@ -16,23 +17,6 @@ namespace wagonsight {
 
 using stereo_kernels::kDisparityScale;
 using stereo_kernels::kNoDisparity;
-
-// A gray image somebody else owns, rows without padding: kGray8, or kGray16 with values below 2^15
-// (a 12-bit camera's as they come; larger ones are taken as 32767).
-struct GrayImage {
-  const void* pixels = nullptr;
-  PixelFormat format = PixelFormat::kGray8;
-  int width = 0;
-  int height = 0;
-};
-
-// Rows and columns of the left image: [x0, x1) and [y0, y1).
-struct PixelRect {
-  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-
-  bool operator==(const PixelRect&) const = default;
-  bool empty() const { return x1 <= x0 || y1 <= y0; }
-};
 
 enum class MatcherMode : std::uint8_t {
   kFast,      // 5x5 census; paths from the west, the east and the north: one pass over the rows

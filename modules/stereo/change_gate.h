@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "base/bounded_vector.h"
+#include "stereo/aligned_array.h"
+#include "stereo/gray_image.h"
+
+// Where a pair has to be matched again: only where the image differs from what it was when that
+// place was last matched. What has not changed keeps its disparity, a motionless passenger's too.
+namespace wagonsight {
+
+struct ChangeGateOptions {
+  double noise_levels = 12;   // standard deviation of one pixel, in gray levels of 4095
+  int margin_px = 16;         // matched around what changed
+  double whole_share = 0.55;  // of the image to be matched: beyond it all of it is, as one piece
+};
+
+// Tiles of 16 x 16 pixels are compared with the reference after the change of brightness of the
+// whole image has been taken out; a tile's own offset does not count either. A tile has changed
+// when the rest of its variance is above the noise, or when its mean is a fifth off.
+class ChangeGate {
+ public:
+  ChangeGate(int width, int height, const ChangeGateOptions& options = {});
+
+  // The regions to be matched, disjoint, clipped to the image; valid until the next call, which
+  // takes them as matched. `whole` asks for all of the image (while learning, and at a slow
+  // rhythm); `feedback` are regions that are matched in any case (of tracks and foreground). The
+  // first call gives the whole image. Does not allocate; one thread at a time.
+  std::span<const PixelRect> regions(const GrayImage& left, bool whole,
+                                     std::span<const PixelRect> feedback);
+
+  // Share of the tiles that differed in the last call, before margins; 0 .. 1.
+  double changed_share() const { return changed_share_; }
+
+ private:
+  struct Tile {
+    double mean, mean_reference, variance, variance_reference, covariance;
+  };
+  void take_samples(const GrayImage& image);
+  Tile measure(int column, int row) const;
+  double gain_of_all();
+  bool differs(const Tile& tile, double gain) const;
+  void mark_changes();
+  void mark(const PixelRect& rect);
+  void collect_regions();
+  bool merge_touching();
+  void keep_reference(const PixelRect& rect);
+  std::size_t tile_index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
+  }
+
+  ChangeGateOptions options_;
+  int width_, height_;
+  int columns_, rows_;                // of tiles
+  int sample_columns_, sample_rows_;  // means of 2 x 2 pixels
+  bool has_reference_ = false;
+  double changed_share_ = 0;
+  AlignedArray<std::uint16_t> samples_, reference_;
+  AlignedArray<std::uint8_t> marked_;  // by tile: 1 changed or asked for, 2 taken into a region
+  BoundedVector<Tile> tiles_;
+  BoundedVector<double> ratios_;
+  BoundedVector<std::uint32_t> pending_;  // of the flood that finds connected tiles
+  BoundedVector<PixelRect> regions_;
+};
+
+}  // namespace wagonsight

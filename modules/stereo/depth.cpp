@@ -1,0 +1,46 @@
+#include "stereo/depth.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+#include "stereo/matcher_kernels.h"
+
+namespace wagonsight {
+
+using stereo_kernels::kDisparityScale;
+
+DepthTable::DepthTable(double focal_px, double baseline_m, double far_m)
+    : table_(std::size_t{1} << 15) {
+  WS_CHECK(focal_px > 0 && baseline_m > 0 && far_m > 0 && far_m <= 65.535,
+           "focal %g px, baseline %g m, far %g m", focal_px, baseline_m, far_m);
+  for (std::size_t disparity = 1; disparity < table_.size(); ++disparity) {
+    const double metres = focal_px * baseline_m * kDisparityScale / static_cast<double>(disparity);
+    if (metres <= far_m)
+      table_[disparity] = static_cast<std::uint16_t>(std::lround(metres * 1000.0));
+  }
+}
+
+void DepthTable::convert(ImageView<const std::int16_t> disparity,
+                         ImageView<std::uint16_t> depth) const {
+  WS_CHECK(disparity.width == depth.width && disparity.height == depth.height,
+           "%d x %d into %d x %d", disparity.width, disparity.height, depth.width, depth.height);
+  const std::uint16_t* table = table_.data();
+  const std::size_t count = disparity.pixel_count();
+  for (std::size_t i = 0; i < count; ++i) {
+    // Entry 0, an infinite depth, is 0: it serves the pixels without a disparity too.
+    const int index = std::max<int>(disparity.pixels[i], 0);
+    depth.pixels[i] = table[index];
+  }
+}
+
+DepthNoise stereo_noise(double focal_px, double baseline_m, double disparity_sigma_px) {
+  DepthNoise noise;
+  noise.a = 0.001;  // half a millimetre of rounding, and what a calibration leaves
+  noise.b = 0;
+  noise.c = disparity_sigma_px / (focal_px * baseline_m);
+  noise.quantisation_per_z2 = 1.0 / (focal_px * baseline_m * kDisparityScale);
+  return noise;
+}
+
+}  // namespace wagonsight
