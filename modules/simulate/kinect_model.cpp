@@ -18,6 +18,7 @@ constexpr double kNearest = 0.5, kFarthest = 9.0;  // metres a Kinect reads
 // the correlation window may take its depth, and how often it fails where there is an edge.
 constexpr float kSigma = 0.29F, kSigmaDoubt = 0.045F;
 constexpr float kEdgeReach = 1.0F, kEdgeLevels = 4.0F, kEdgeDoubt = 1.5F;
+constexpr int kTogether = 4;      // pixels of a row that look aside together
 constexpr int kBlindColumns = 8;  // at the right border, for want of a window
 
 const SceneLight& light_at(const Scene& scene, std::size_t index) {
@@ -48,8 +49,8 @@ KinectModel::KinectModel(const Scene& scene, std::size_t sensor, std::uint64_t s
       part_(inverse_depth_.size(), -1),
       depth_noise_(kWidth, kHeight, 0.55),
       score_noise_(kWidth, kHeight, 0),
-      shift_u_(kWidth, kHeight, 0),
-      shift_v_(kWidth, kHeight, 0) {
+      shift_u_(kWidth, kHeight, 0, kTogether),
+      shift_v_(kWidth, kHeight, 0, kTogether) {
   const auto levels = static_cast<std::size_t>(kLevels / static_cast<float>(kNearest)) + 8;
   millimetres_.resize(levels);
   for (std::size_t level = 0; level < levels; ++level) {
@@ -111,16 +112,16 @@ const KinectModel::Still& KinectModel::still_at(double seconds) const {
 }
 
 void KinectModel::add(const Parts& parts, const Rigid& X_SW, const SceneLight& light) {
-  const Rigid X_WS = X_SW.inverse();
   for (const Part& part : parts) {
     const PreparedPart prepared = optics_.raster().prepare(part, X_SW);
     if (prepared.rect.empty()) continue;
     if (!parts_.try_push_back(prepared)) return;
     // Distance and foreign light are taken as those of the part's middle.
-    const float w = 1.0F / static_cast<float>(std::max((X_SW * part.centre).z(), 0.1));
+    const Vector3d centre_S = X_SW * part.centre;
+    const float w = 1.0F / static_cast<float>(std::max(centre_S.z(), 0.1));
     const bool sunny = optics_.sunlit(part.centre, light);
     (void)part_score_.try_push_back(sunny ? kNoReading : surface_score(part.albedo, 1.0F, w));
-    (void)part_foreign_.try_push_back(optics_.foreign_light(part.centre, X_WS));
+    (void)part_foreign_.try_push_back(optics_.foreign_light(part.centre, centre_S.squaredNorm()));
   }
 }
 
@@ -176,16 +177,17 @@ void KinectModel::score_parts() {
   const float* luck = optics_.luck().data();
   for (int v = changed_.v; v < changed_.v_end; ++v) {
     const std::size_t row = at(0, v);
+    const bool second_row = ((v - changed_.v) & 1) != 0;
     std::int32_t last = -1;
     for (int u = changed_.u; u < changed_.u_end; ++u) {
       const std::size_t i = row + static_cast<std::size_t>(u);
       const std::int32_t index = part_[i];
-      // Every other pixel of a part takes its neighbour's score: it changes slowly.
+      // A score changes slowly: every other pixel of a part takes that of its neighbour.
       const bool again = index == last;
       last = again ? -1 : index;
       if (index < 0) continue;
-      if (again) {
-        score_[i] = score_[i - 1];
+      if (again || (second_row && part_[i - kStride] == index)) {
+        score_[i] = again ? score_[i - 1] : score_[i - kStride];
         continue;
       }
       const auto k = static_cast<std::size_t>(index);
@@ -232,20 +234,16 @@ void KinectModel::look_aside(int v) {
   const float* shift_u = shift_u_.row(v).data();
   const float* shift_v = shift_v_.row(v).data();
   const float reach = noise_ * kEdgeReach, most = static_cast<float>(kMargin) - 0.6F;
-  std::array<std::int32_t, kWidth> offset;
-  for (int u = 0; u < kWidth; ++u) {
-    const float du = std::min(std::max(reach * shift_u[u], -most), most);
-    const float dv = std::min(std::max(reach * shift_v[u], -most), most);
-    offset[static_cast<std::size_t>(u)] =
-        (static_cast<int>(dv + (kMargin + 0.5F)) - kMargin) * kStride +
-        static_cast<int>(du + (kMargin + 0.5F)) - kMargin;
-  }
   const float* w = inverse_depth_.data() + at(0, v);
   const float* score = score_.data() + at(0, v);
-  for (int u = 0; u < kWidth; ++u) {
-    const std::ptrdiff_t aside = u + offset[static_cast<std::size_t>(u)];
-    row_depth_[static_cast<std::size_t>(u)] = w[aside];
-    row_score_[static_cast<std::size_t>(u)] = score[aside];
+  for (int group = 0; group < kWidth / kTogether; ++group) {
+    const float du = std::min(std::max(reach * shift_u[group], -most), most);
+    const float dv = std::min(std::max(reach * shift_v[group], -most), most);
+    const int offset = (static_cast<int>(dv + (kMargin + 0.5F)) - kMargin) * kStride +
+                       static_cast<int>(du + (kMargin + 0.5F)) - kMargin;
+    const int u = group * kTogether;
+    std::copy_n(w + u + offset, kTogether, row_depth_.data() + u);
+    std::copy_n(score + u + offset, kTogether, row_score_.data() + u);
   }
 }
 

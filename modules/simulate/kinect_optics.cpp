@@ -95,9 +95,8 @@ KinectOptics::KinectOptics(const Scene& scene, std::size_t sensor, std::uint64_t
   }
 }
 
-float KinectOptics::foreign_light(const Vector3d& p_W, const Rigid& X_WS) const {
+float KinectOptics::foreign_light(const Vector3d& p_W, double distance2) const {
   const Camera& camera = raster_.camera();
-  const double own = (X_WS.inverse() * p_W).squaredNorm();
   double sum = 0;
   for (const OtherProjector& other : others_) {
     const Vector3d p = other.X_SW * p_W;
@@ -110,7 +109,7 @@ float KinectOptics::foreign_light(const Vector3d& p_W, const Rigid& X_WS) const 
     const double blocked_at = static_cast<double>(other.inverse_depth[pixel]);
     constexpr double kBehind = 1.04;  // a surface does not shade itself
     if (blocked_at * p.z() > kBehind) continue;
-    sum += own / p.squaredNorm();
+    sum += distance2 / p.squaredNorm();
   }
   return static_cast<float>(std::min(sum, 20.0));
 }
@@ -183,7 +182,7 @@ StillView KinectOptics::still_view(const Rigid& X_WS, const SceneLight& light) c
         continue;
       }
       score = surface_score(part.albedo, raster_.incidence(part, u, v, w), w) + kLuck * luck_[i] -
-              foreign_penalty(foreign_light(p_W, X_WS), luck_[i]);
+              foreign_penalty(foreign_light(p_W, (p_W - X_WS.position).squaredNorm()), luck_[i]);
       if (sunlit(p_W, light)) score = kNoReading;
     }
   }

@@ -48,9 +48,10 @@ class KinectOptics {
   // The still view under a light with the sensor's pose X_WS (it may have been moved).
   StillView still_view(const Rigid& X_WS, const SceneLight& light) const;
 
-  // What other projectors do to a surface at p_W: the sum of their light over the sensor's own.
-  // Only counted where they reach; they are blocked by furniture, not by passengers.
-  float foreign_light(const Eigen::Vector3d& p_W, const Rigid& X_WS) const;
+  // What other projectors do to a surface at p_W, `distance2` (square metres) from the sensor: the
+  // sum of their light over the sensor's own. Only counted where they reach; they are blocked by
+  // furniture, not by passengers.
+  float foreign_light(const Eigen::Vector3d& p_W, double distance2) const;
   // Whether the sun shines on p_W through a window.
   bool sunlit(const Eigen::Vector3d& p_W, const SceneLight& light) const;
   // Fixed speckle luck of each pixel: mean 0, variance 1, alike in neighbours.

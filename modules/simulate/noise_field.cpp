@@ -21,21 +21,32 @@ float normal_of(std::uint32_t bits) {
 // the mean of (1-t)^2 + t^2 over a cell is 2/3 in each direction.
 constexpr float kFineGain = 1.5F;
 
+// Linear interpolation, kCount values between two nodes.
+template <int kCount>
+void spread(std::span<const float> nodes, std::span<float> values) {
+  for (std::size_t c = 0; c + 1 < nodes.size(); ++c) {
+    const float left = nodes[c], slope = (nodes[c + 1] - left) * (1.0F / kCount);
+    float* cell = values.data() + c * kCount;
+    for (int k = 0; k < kCount; ++k) cell[k] = left + slope * static_cast<float>(k);
+  }
+}
+
 }  // namespace
 
-NoiseField::NoiseField(int width, int height, double coarse_share)
-    : width_(width),
+NoiseField::NoiseField(int width, int height, double coarse_share, int every)
+    : width_(width / every),
+      per_cell_(kCell / every),
       columns_(width / kCell + 3),
       rows_(height / kCell + 3),
       fine_weight_(kFineGain * static_cast<float>(std::sqrt(1 - coarse_share))),
       coarse_weight_(kFineGain * static_cast<float>(std::sqrt(coarse_share))),
       nodes_(static_cast<std::size_t>(columns_ * rows_)),
       line_(static_cast<std::size_t>(columns_)),
-      values_(static_cast<std::size_t>(columns_ * kCell)) {}
+      values_(static_cast<std::size_t>(columns_ * per_cell_)) {}
 
 void NoiseField::draw(std::uint64_t seed) {
   const std::uint64_t shift = mixed(seed, 0x51F7);
-  shift_u_ = static_cast<int>(shift & 7U);
+  shift_u_ = static_cast<int>(shift & 7U) * per_cell_ / kCell;
   shift_v_ = static_cast<int>(shift >> 8U & 7U);
   const auto coarse = [&](int column, int row) {
     return normal_of(static_cast<std::uint32_t>(
@@ -66,12 +77,12 @@ std::span<const float> NoiseField::row(int v) {
   const float share = static_cast<float>(at % kCell) / kCell;
   const float* above = nodes_.data() + static_cast<std::ptrdiff_t>(at / kCell) * columns_;
   const float* below = above + columns_;
-  const auto count = static_cast<std::size_t>(columns_);
-  for (std::size_t c = 0; c < count; ++c) line_[c] = above[c] + share * (below[c] - above[c]);
-  for (std::size_t c = 0; c + 1 < count; ++c) {
-    const float left = line_[c], slope = (line_[c + 1] - left) * (1.0F / kCell);
-    float* cell = values_.data() + c * kCell;
-    for (int k = 0; k < kCell; ++k) cell[k] = left + slope * static_cast<float>(k);
+  for (std::size_t c = 0; c < line_.size(); ++c)
+    line_[c] = above[c] + share * (below[c] - above[c]);
+  if (per_cell_ == kCell) {  // a loop of known length is unrolled and vectorised
+    spread<kCell>(line_, values_);
+  } else {
+    spread<kCell / 4>(line_, values_);
   }
   return {values_.data() + shift_u_, static_cast<std::size_t>(width_)};
 }

@@ -15,16 +15,18 @@ class NoiseField {
   static constexpr int kCell = 8;
 
   // For images of at most width x height. `coarse_share` of the variance is common to areas of
-  // about 64 pixels. Allocates.
-  NoiseField(int width, int height, double coarse_share);
+  // about 64 pixels. `every` is 1, or 4 to have values for every fourth
+  // pixel of a row only.
+  // Allocates.
+  NoiseField(int width, int height, double coarse_share, int every = 1);
 
   // New values; the same for the same seed. Does not allocate.
   void draw(std::uint64_t seed);
-  // The values of row v, `width` of them. Valid until the next call.
+  // The values of row v, `width` over `every` of them. Valid until the next call.
   std::span<const float> row(int v);
 
  private:
-  int width_, columns_, rows_;
+  int width_, per_cell_, columns_, rows_;
   float fine_weight_, coarse_weight_;
   int shift_u_ = 0, shift_v_ = 0;
   std::vector<float> nodes_, line_, values_;

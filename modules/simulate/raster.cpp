@@ -22,14 +22,55 @@ struct Row {  // the pixels of one row of one part
   float* w;
   std::int32_t* mark;
   int count;
+
+  void narrow(int begin, int end) {
+    x += begin, w += begin, mark += begin;
+    count = end - begin;
+  }
 };
 
-void draw_ellipsoid(const PreparedPart& part, float y, std::int32_t index, const Row& row) {
+// Keeps only the pixels in which the discriminant a x^2 + 2 b x + c of a quadric can be positive,
+// one more on each side for the rounding.
+void narrow(double a, double b, double c, double pixels_per_x, Row& row) {
+  if (a >= 0 || row.count <= 0) return;  // seen from within a cone's opening: all of them
+  const double inner = b * b - a * c;
+  if (inner <= 0) {
+    row.count = 0;
+    return;
+  }
+  const double root = std::sqrt(inner), first = static_cast<double>(row.x[0]);
+  const double low = ((-b + root) / a - first) * pixels_per_x - 1;
+  const double high = ((-b - root) / a - first) * pixels_per_x + 2;
+  const double count = row.count;
+  row.narrow(static_cast<int>(std::clamp(low, 0.0, count)),
+             static_cast<int>(std::clamp(high, 0.0, count)));
+}
+
+// The coefficients of the discriminant over a row from those of its three linear forms: with
+// A = sum of weight_i a_i^2 and the half-linear term P x + Q it is (P x + Q)^2 - C A(x).
+void narrow_quadric(const std::array<RowForm, 3>& forms, double last_weight, double P, double Q,
+                    double C, double pixels_per_x, Row& row) {
+  double alpha = 0, beta = 0, gamma = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double weight = i == 2 ? last_weight : 1;
+    const double slope = static_cast<double>(forms[i].slope);
+    const double start = static_cast<double>(forms[i].start);
+    alpha += weight * slope * slope;
+    beta += weight * slope * start;
+    gamma += weight * start * start;
+  }
+  narrow(P * P - C * alpha, P * Q - C * beta, Q * Q - C * gamma, pixels_per_x, row);
+}
+
+void draw_ellipsoid(const PreparedPart& part, float y, std::int32_t index, double pixels_per_x,
+                    Row row) {
   const RowForm f0 = row_form(part.m[0], y), f1 = row_form(part.m[1], y),
                 f2 = row_form(part.m[2], y);
   const float c0 = part.c[0], c1 = part.c[1], c2 = part.c[2];
   const float C = c0 * c0 + c1 * c1 + c2 * c2 - 1.0F;
   if (C <= 0) return;
+  narrow_quadric({f0, f1, f2}, 1, f0.slope * c0 + f1.slope * c1 + f2.slope * c2,
+                 f0.start * c0 + f1.start * c1 + f2.start * c2, C, pixels_per_x, row);
   const float C_inverse = 1.0F / C;
   for (int i = 0; i < row.count; ++i) {
     const float a0 = f0.slope * row.x[i] + f0.start;
@@ -46,13 +87,16 @@ void draw_ellipsoid(const PreparedPart& part, float y, std::int32_t index, const
   }
 }
 
-void draw_cone(const PreparedPart& part, float y, std::int32_t index, const Row& row) {
+void draw_cone(const PreparedPart& part, float y, std::int32_t index, double pixels_per_x,
+               Row row) {
   const RowForm f0 = row_form(part.m[0], y), f1 = row_form(part.m[1], y),
                 f2 = row_form(part.m[2], y);
   const float c0 = part.c[0], c1 = part.c[1], c2 = part.c[2];
   const float k = part.taper, g = 1.0F - k * c2;
   const float C = c0 * c0 + c1 * c1 - g * g;
   if (C <= 0) return;
+  narrow_quadric({f0, f1, f2}, -k * k, f0.slope * c0 + f1.slope * c1 + k * f2.slope * g,
+                 f0.start * c0 + f1.start * c1 + k * f2.start * g, C, pixels_per_x, row);
   const float C_inverse = 1.0F / C;
   for (int i = 0; i < row.count; ++i) {
     const float a0 = f0.slope * row.x[i] + f0.start;
@@ -175,10 +219,10 @@ void Raster::draw(const PreparedPart& part, std::int32_t index, const RasterTarg
                   target.part.data() + start, rect.u_end - rect.u};
     switch (part.shape) {
       case Part::Shape::kEllipsoid:
-        draw_ellipsoid(part, ray_y(v), index, row);
+        draw_ellipsoid(part, ray_y(v), index, camera_.fx, row);
         break;
       case Part::Shape::kCone:
-        draw_cone(part, ray_y(v), index, row);
+        draw_cone(part, ray_y(v), index, camera_.fx, row);
         break;
       case Part::Shape::kBox:
         draw_box(part, ray_y(v), index, row);
