@@ -28,17 +28,18 @@ struct Plane {  // normal . p + offset = 0; the normal points up, so offset is t
   double support = 0;
 };
 
-// How far a floor's reading may be off at this distance: wider than one sigma of a Kinect
-// (0.0019 z^2) and of a stereo camera of the same price.
-double tolerance(double z) {
-  return 0.015 + 0.005 * z * z;
+// How far from the plane a reading of it may lie: two and a half sigmas of a Kinect (0.0019 z^2 along
+// the ray, and a stereo camera of the same price), seen at the angle at which the ray meets the plane.
+double tolerance(const Plane& plane, const Eigen::Vector3d& p) {
+  const double cosine = std::abs(plane.normal.dot(p)) / std::max(p.z(), 0.1);
+  return 0.012 + 0.005 * p.z() * p.z() * cosine;
 }
 
 void score(Plane& plane, std::span<const Eigen::Vector3f> points) {
   std::size_t on = 0, below = 0;
   for (const Eigen::Vector3f& p : points) {
     const double height = plane.normal.dot(p.cast<double>()) + plane.offset;
-    const double allowed = tolerance(p.z());
+    const double allowed = tolerance(plane, p.cast<double>());
     if (std::abs(height) <= allowed) {
       ++on;
     } else if (height < -3 * allowed) {
@@ -128,7 +129,7 @@ double refine(Plane& plane, std::span<const Eigen::Vector3f> points, const Eigen
     for (const Eigen::Vector3f& point : points) {
       const Eigen::Vector3d p = point.cast<double>();
       const double height = plane.normal.dot(p) + plane.offset;
-      const double near = tolerance(p.z());
+      const double near = tolerance(plane, p);
       if (std::abs(height) > widen * near) continue;
       fit.add(p, 1.0 / (near * near));
       squares += height * height;

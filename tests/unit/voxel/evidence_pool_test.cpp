@@ -1,0 +1,62 @@
+#include "voxel/evidence_pool.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <map>
+#include <set>
+
+namespace wagonsight {
+namespace {
+
+TEST(EvidencePool, IsAMapOfLeaves) {
+  EXPECT_TRUE(rc::check("writes, reads and forgotten bricks equal a std::map", [] {
+    const auto grid = LeafGrid::cover({0, 0, 0}, {3, 3, 3}, 0.05);
+    EvidencePool pool(*grid);
+    std::map<LeafAddress, std::uint8_t> twin;
+    std::set<BrickAddress> bricks;
+    const int steps = *rc::gen::inRange(0, 300);
+    for (int i = 0; i < steps; ++i) {
+      const auto leaf = *rc::gen::inRange<LeafAddress>(0, 40 * 512);
+      if (*rc::gen::inRange(0, 10) == 0) {
+        const BrickAddress brick = leaf / 512;
+        pool.forget(brick);
+        bricks.erase(brick);
+        twin.erase(twin.lower_bound(brick * 512), twin.lower_bound((brick + 1) * 512));
+      } else {
+        LeafEvidence* evidence = pool.find_or_add(leaf);
+        RC_ASSERT(evidence != nullptr);
+        RC_ASSERT(evidence->hits == twin[leaf]);
+        evidence->hits = ++twin[leaf];
+        bricks.insert(leaf / 512);
+      }
+      const auto asked = *rc::gen::inRange<LeafAddress>(0, 40 * 512);
+      const LeafEvidence* found = pool.find(asked);
+      RC_ASSERT((found != nullptr) == bricks.contains(asked / 512));
+      if (found != nullptr) {
+        const auto known = twin.find(asked);
+        RC_ASSERT(found->hits == (known == twin.end() ? 0 : known->second));
+      }
+    }
+    const auto listed = pool.bricks();
+    RC_ASSERT(std::set<BrickAddress>(listed.begin(), listed.end()) == bricks);
+    RC_ASSERT(listed.size() == bricks.size());
+  }));
+}
+
+TEST(EvidencePool, RefusesAndCountsWhenUsedUp) {
+  const auto grid = LeafGrid::cover({0, 0, 0}, {6.3, 6.3, 6.3}, 0.02);  // 40 x 40 x 40 bricks
+  ASSERT_TRUE(grid.has_value());
+  EvidencePool pool(*grid);
+  ASSERT_EQ(pool.capacity(), kEvidenceBricksMax);
+  for (BrickAddress brick = 0; brick < kEvidenceBricksMax; ++brick) {
+    ASSERT_NE(pool.find_or_add(brick * 512), nullptr);
+  }
+  EXPECT_EQ(pool.find_or_add(kEvidenceBricksMax * 512), nullptr);
+  EXPECT_EQ(pool.refused(), 1U);
+  pool.forget(77);
+  EXPECT_NE(pool.find_or_add(kEvidenceBricksMax * 512), nullptr);
+}
+
+}  // namespace
+}  // namespace wagonsight
