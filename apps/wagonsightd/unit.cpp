@@ -12,8 +12,6 @@
 namespace wagonsight {
 namespace {
 
-constexpr std::size_t kSettingsBytesMax = std::size_t{1} << 20U;
-
 // What the settings ask for, gathered step by step; each step says what it lacks.
 class Assembly {
  public:
