@@ -1,0 +1,204 @@
+#include "stereo/stereo_to_depth.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Geometry>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+namespace {
+std::atomic<std::size_t> allocations{0};
+
+void* counted(std::size_t size, std::size_t alignment) {
+  ++allocations;
+  void* memory = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+}  // namespace
+
+// Counts what the whole program allocates, to show that converting allocates nothing.
+void* operator new(std::size_t size) {
+  return counted(size, alignof(std::max_align_t));
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return counted(size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
+
+namespace wagonsight {
+namespace {
+
+constexpr int kWidth = 321, kHeight = 241;
+constexpr double kWallZ = 3.0, kBoxZ = 2.0;
+
+// A texture of two scales, 12 bit, everywhere defined.
+double texture(double x, double y) {
+  const auto hash = [](int i, int j) {
+    auto h =
+        static_cast<std::uint32_t>(i) * 374761393U + static_cast<std::uint32_t>(j) * 668265263U;
+    h = (h ^ (h >> 13)) * 1274126177U;
+    return static_cast<double>((h ^ (h >> 16)) & 1023U);
+  };
+  const auto smooth = [&](double u, double v) {
+    const double fu = std::floor(u), fv = std::floor(v), a = u - fu, b = v - fv;
+    const int i = static_cast<int>(fu), j = static_cast<int>(fv);
+    return (1 - b) * ((1 - a) * hash(i, j) + a * hash(i + 1, j)) +
+           b * ((1 - a) * hash(i, j + 1) + a * hash(i + 1, j + 1));
+  };
+  return 300 + smooth(60 * x, 60 * y) + smooth(25 * x + 100, 25 * y);
+}
+
+// What an imager sees of a wall at z = kWallZ and, if asked for, a box before it, both given in the
+// left camera's frame; X_LC maps from the imager to it.
+void render(const Camera& camera, const Rigid& X_LC, bool with_box, std::uint16_t* out) {
+  for (int v = 0; v < kHeight; ++v)
+    for (int u = 0; u < kWidth; ++u) {
+      const auto ray = ray_through(camera, {double(u), double(v)});
+      const Eigen::Vector3d direction = X_LC.rotation * ray.value_or(Eigen::Vector3d::UnitZ());
+      const auto hit = [&](double z) -> Eigen::Vector3d {
+        return X_LC.position + direction * ((z - X_LC.position.z()) / direction.z());
+      };
+      Eigen::Vector3d p = hit(kWallZ);
+      const Eigen::Vector3d near = hit(kBoxZ);
+      if (with_box && std::abs(near.x()) < 0.3 && std::abs(near.y()) < 0.4)
+        p = near + Eigen::Vector3d(5, 3, 0);  // another piece of the texture
+      *out++ = static_cast<std::uint16_t>(texture(p.x(), p.y()));
+    }
+}
+
+class StereoToDepthTest : public testing::TestWithParam<MatcherMode> {
+ protected:
+  Camera left_{kWidth, kHeight, 300, 300, 158, 121, {-0.12, 0.03, 0.001, -0.0005, 0}};
+  Camera right_{kWidth, kHeight, 302, 301, 162, 118, {-0.1, 0.02, -0.001, 0.0005, 0}};
+  Rigid X_LR_{
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d(0.3, -0.8, 0.5).normalized())),
+      Eigen::Vector3d(0.12, 0.002, -0.003)};
+  std::vector<std::uint16_t> pixels_ = std::vector<std::uint16_t>(2 * kWidth * kHeight);
+  FrameSlot slot_;
+
+  void SetUp() override {
+    slot_.format = PixelFormat::kGray16;
+    slot_.width = kWidth;
+    slot_.height = kHeight;
+    slot_.bytes = std::as_writable_bytes(std::span(pixels_));
+  }
+  StereoToDepth made() const {
+    auto rectification = make_rectification(left_, right_, X_LR_);
+    EXPECT_TRUE(rectification);
+    StereoToDepthOptions options;
+    options.matcher.mode = GetParam();
+    options.matcher.disparity_count = 32;
+    auto stereo = StereoToDepth::create(*rectification, options);
+    EXPECT_TRUE(stereo);
+    return std::move(*stereo);
+  }
+  void take(double seconds, bool with_box) {
+    slot_.instant = HostTime(from_seconds(seconds));
+    render(left_, Rigid{}, with_box, pixels_.data());
+    render(right_, X_LR_, with_box, pixels_.data() + kWidth * kHeight);
+  }
+};
+
+// The share of pixels with a depth, and of those whose depth is three sigmas off `z`.
+struct Quality {
+  double density, off;
+};
+Quality quality(const DepthImage& depth, const StereoToDepth& stereo, const Rigid& X_LS, double z,
+                const PixelRect& rect) {
+  const RigSensor sensor = stereo_sensor({stereo.camera(), 0.12, Rigid{}, Rigid{}, {}, {}});
+  int count = 0, valid = 0, off = 0;
+  for (int v = rect.y0; v < rect.y1; ++v)
+    for (int u = rect.x0; u < rect.x1; ++u) {
+      ++count;
+      if (depth.at(u, v) == 0) continue;
+      ++valid;
+      const double metres = depth.at(u, v) / 1000.0;
+      const Eigen::Vector3d p_L =
+          X_LS * (metres * *ray_through(stereo.camera(), {double(u), double(v)}));
+      off += std::abs(p_L.z() - z) > 3 * sensor.noise.sigma(z);
+    }
+  return {double(valid) / count, double(off) / std::max(valid, 1)};
+}
+
+TEST_P(StereoToDepthTest, DepthsOfAWallLieWithinTheStatedNoise) {
+  StereoToDepth stereo = made();
+  take(0.0, false);
+  const DepthImage depth = stereo.convert(slot_, false, {});
+  const Rigid X_LS = make_rectification(left_, right_, X_LR_)->X_LS;
+  const Quality found = quality(depth, stereo, X_LS, kWallZ, {60, 20, 300, 220});
+  EXPECT_GT(found.density, 0.95);
+  EXPECT_LT(found.off, 0.01);
+  EXPECT_EQ(stereo.matched_share(), 1.0);
+}
+
+TEST_P(StereoToDepthTest, OnlyWhatChangedIsMatchedAndTheRestIsKept) {
+  StereoToDepth stereo = made();
+  take(0.0, false);
+  stereo.convert(slot_, false, {});
+  take(0.1, true);
+  const DepthImage with_box = stereo.convert(slot_, false, {});
+  const Rigid X_LS = make_rectification(left_, right_, X_LR_)->X_LS;
+  EXPECT_LT(stereo.matched_share(), 0.6);
+  EXPECT_GT(stereo.matched_share(), 0.1);
+  EXPECT_LT(quality(with_box, stereo, X_LS, kBoxZ, {140, 80, 180, 160}).off, 0.02);
+  EXPECT_LT(quality(with_box, stereo, X_LS, kWallZ, {240, 20, 300, 220}).off, 0.02);
+  take(0.2, true);
+  stereo.convert(slot_, false, {});
+  EXPECT_EQ(stereo.matched_share(), 0);  // nothing moved
+  take(0.3, false);
+  const DepthImage gone = stereo.convert(slot_, false, {});
+  EXPECT_LT(quality(gone, stereo, X_LS, kWallZ, {140, 80, 180, 160}).off, 0.02);
+  take(2.5, false);
+  stereo.convert(slot_, false, {});
+  EXPECT_EQ(stereo.matched_share(), 1.0);  // at its slow rhythm
+}
+
+TEST_P(StereoToDepthTest, ConvertingAllocatesNothing) {
+  StereoToDepth stereo = made();
+  take(0.0, false);
+  const std::size_t before_first = allocations;
+  stereo.convert(slot_, true, {});
+  EXPECT_EQ(allocations, before_first);
+  take(0.1, true);
+  const PixelRect feedback{10, 10, 60, 80};
+  const std::size_t before = allocations;
+  stereo.convert(slot_, false, {&feedback, 1});
+  EXPECT_EQ(allocations, before);
+}
+
+TEST_P(StereoToDepthTest, ASlotThatDoesNotFitIsRefusedAndCounted) {
+  StereoToDepth stereo = made();
+  slot_.width = kWidth - 1;
+  EXPECT_EQ(stereo.convert(slot_, false, {}).pixels, nullptr);
+  slot_.width = kWidth;
+  slot_.format = PixelFormat::kRgb8;
+  EXPECT_EQ(stereo.convert(slot_, false, {}).pixels, nullptr);
+  slot_.format = PixelFormat::kGray16;
+  slot_.bytes = slot_.bytes.first(100);
+  EXPECT_EQ(stereo.convert(slot_, false, {}).pixels, nullptr);
+  EXPECT_EQ(stereo.refused(), 3U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, StereoToDepthTest,
+                         testing::Values(MatcherMode::kFast, MatcherMode::kAccurate),
+                         [](const auto& mode_info) {
+                           return mode_info.param == MatcherMode::kFast ? "fast" : "accurate";
+                         });
+
+}  // namespace
+}  // namespace wagonsight
