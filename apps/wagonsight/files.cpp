@@ -20,7 +20,7 @@ tl::unexpected<Error> fail_errno(std::string_view path, std::string_view what) {
 
 }  // namespace
 
-Result<MappedFile> MappedFile::open(const std::string& path) {
+Result<InputFile> InputFile::open(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) return fail_errno(path, "cannot be opened");
   struct stat status {};
@@ -35,18 +35,18 @@ Result<MappedFile> MappedFile::open(const std::string& path) {
   const auto size = static_cast<std::size_t>(status.st_size);
   if (size == 0) {  // nothing to map
     ::close(descriptor);
-    return MappedFile(std::span<const std::byte>());
+    return InputFile(std::span<const std::byte>());
   }
   void* memory = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
   ::close(descriptor);
   if (memory == MAP_FAILED) return fail_errno(path, "cannot be mapped");
-  return MappedFile(std::span(static_cast<const std::byte*>(memory), size));
+  return InputFile(std::span(static_cast<const std::byte*>(memory), size));
 }
 
-MappedFile::MappedFile(MappedFile&& other) noexcept
+InputFile::InputFile(InputFile&& other) noexcept
     : bytes_(std::exchange(other.bytes_, std::span<const std::byte>())) {}
 
-MappedFile::~MappedFile() {
+InputFile::~InputFile() {
   if (!bytes_.empty())
     ::munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());  // NOLINT: mmap gave it so
 }

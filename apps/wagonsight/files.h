@@ -13,15 +13,16 @@
 
 namespace wagonsight {
 
-// A file mapped for reading. Its bytes are page-aligned and stay as long as the object.
-class MappedFile {
+// A file mapped for reading, page by page as it is used: a recording may be larger than the
+// memory. Its bytes are page-aligned and stay as long as the object.
+class InputFile {
  public:
-  static Result<MappedFile> open(const std::string& path);
-  MappedFile(MappedFile&& other) noexcept;
-  MappedFile(const MappedFile&) = delete;
-  MappedFile& operator=(const MappedFile&) = delete;
-  MappedFile& operator=(MappedFile&&) = delete;
-  ~MappedFile();
+  static Result<InputFile> open(const std::string& path);
+  InputFile(InputFile&& other) noexcept;
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+  InputFile& operator=(InputFile&&) = delete;
+  ~InputFile();
 
   std::span<const std::byte> bytes() const { return bytes_; }
   std::string_view text() const {
@@ -29,7 +30,7 @@ class MappedFile {
   }
 
  private:
-  explicit MappedFile(std::span<const std::byte> bytes) : bytes_(bytes) {}
+  explicit InputFile(std::span<const std::byte> bytes) : bytes_(bytes) {}
   std::span<const std::byte> bytes_;
 };
 

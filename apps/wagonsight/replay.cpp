@@ -73,7 +73,7 @@ Result<void> Replay::prepare_background() {
   const std::string choice = background();
   if (choice == kCausal) return {};
   if (choice != kWhole) {
-    const auto file = MappedFile::open(choice);
+    const auto file = InputFile::open(choice);
     if (!file) return tl::unexpected(file.error());
     if (auto loaded = pipeline_->load_background(file->bytes()); !loaded)
       return fail(fmt::format("{}: {}", choice, loaded.error().message));

@@ -18,9 +18,9 @@ constexpr double kHeadroom_m = 2.4;  // nobody's head is higher above the floor
 
 // A blob from elsewhere must be of the cameras that were recorded.
 Result<void> take_blob(const Rig& recorded, const std::string& path, ReplaySetup& setup) {
-  auto file = MappedFile::open(path);
+  auto file = InputFile::open(path);
   if (!file) return tl::unexpected(file.error());
-  setup.blob_file = std::make_unique<MappedFile>(std::move(*file));
+  setup.blob_file = std::make_unique<InputFile>(std::move(*file));
   const auto blob = open_blob(setup.blob_file->bytes());
   if (!blob) return fail(fmt::format("{}: {}", path, blob.error().message));
   setup.rig = Rig{};
@@ -56,7 +56,7 @@ PipelineOptions options_of(const PipelineSettings& settings) {
 
 // True when the settings state the room.
 Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
-  const auto file = MappedFile::open(path);
+  const auto file = InputFile::open(path);
   if (!file) return tl::unexpected(file.error());
   const auto settings = parse_settings(file->text(), path);
   if (!settings) return tl::unexpected(settings.error());

@@ -23,7 +23,7 @@ struct ReplaySetup {
   Wagon wagon;
   PipelineOptions options;
   bool had_pose = true;                   // before the floor was looked for
-  std::unique_ptr<MappedFile> blob_file;  // what the rays may point into
+  std::unique_ptr<InputFile> blob_file;  // what the rays may point into
 };
 
 // Paths may be empty: no settings, no blob. A single sensor without a pose is placed on the floor

@@ -164,7 +164,7 @@ Result<void> run(const SimulateOptions& options, Simulation& simulation, const R
 }
 
 Result<void> simulate(const SimulateOptions& options) {
-  const auto file = MappedFile::open(options.scene);
+  const auto file = InputFile::open(options.scene);
   if (!file) return tl::unexpected(file.error());
   const auto scene = parse_scene(file->text(), options.scene);
   if (!scene) return tl::unexpected(scene.error());

@@ -143,6 +143,11 @@ Result<std::span<const std::byte>> unpack_chunk(const McapChunk& chunk,
   const auto size = static_cast<std::size_t>(chunk.uncompressed_size);
   std::span<const std::byte> records = chunk.records;
   if (!chunk.compression.empty()) {
+    // A frame that tells its size is asked before memory is taken for a claim.
+    const auto told = ZSTD_getFrameContentSize(chunk.records.data(), chunk.records.size());
+    const bool is_told = told != ZSTD_CONTENTSIZE_UNKNOWN && told != ZSTD_CONTENTSIZE_ERROR;
+    if (chunk.compression == "zstd" && is_told && told != chunk.uncompressed_size)
+      return fail("is damaged (its size is not the stated one)");
     if (buffer.size() < size) buffer.resize(size);
     const std::span<std::byte> out = std::span(buffer).first(size);
     if (chunk.compression == "zstd") {
