@@ -1,0 +1,322 @@
+// The real daemon with one simulated sensor: what happens to the frames when its web side is
+// killed, stopped or flooded, and how it starts and ends. Waits are for things to happen.
+#include <arpa/inet.h>
+#include <dirent.h>
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <csignal>
+#include <fstream>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "shared_block.h"
+
+extern char** environ;
+
+namespace wagonsight {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr auto kPause = std::chrono::milliseconds(20);
+constexpr int kPauses = 6000;  // two minutes: a sanitizer on a busy machine is slow
+
+template <class Condition>
+bool comes_true(Condition condition) {
+  for (int i = 0; i < kPauses; ++i) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(kPause);
+  }
+  return false;
+}
+
+std::string settings_file(const std::string& more = "") {
+  const std::string path =
+      testing::TempDir() + "wagonsightd_test_" + std::to_string(getpid()) + ".toml";
+  std::ofstream(path)
+      << "[unit]\nname = \"test\"\n[demo]\nscene = \"" WAGONSIGHT_SOURCE_DIR
+         "/config/scenes/empty.toml\"\n[[sensor]]\nname = \"k0\"\nkind = \"kinect\"\n"
+         "source = \"simulated\"\n[web]\nport = 0\n"
+      << more;
+  return path;
+}
+
+struct Finished {
+  int status = -1;
+  std::string out, err;
+};
+
+// A child process whose outputs are pipes.
+class Program {
+ public:
+  explicit Program(std::vector<std::string> arguments) {
+    int out[2], err[2];
+    if (pipe2(out, O_CLOEXEC) != 0 || pipe2(err, O_CLOEXEC) != 0) return;
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, err[1], STDERR_FILENO);
+    arguments.insert(arguments.begin(), WAGONSIGHTD);
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    posix_spawn(&pid_, WAGONSIGHTD, &actions, nullptr, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    close(out[1]);
+    close(err[1]);
+    out_ = out[0];
+    err_ = err[0];
+  }
+  ~Program() {
+    if (pid_ > 0) {
+      kill(pid_, SIGKILL);
+      waitpid(pid_, nullptr, 0);
+    }
+    close(out_);
+    close(err_);
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+  pid_t pid() const { return pid_; }
+  std::string first_line() const {
+    std::string line;
+    char c = 0;
+    while (read(out_, &c, 1) == 1 && c != '\n') line += c;
+    return line;
+  }
+  Finished finish() {
+    Finished done;
+    int status = 0;
+    std::thread errors([&] { done.err = rest(err_); });
+    done.out = rest(out_);
+    waitpid(pid_, &status, 0);
+    errors.join();
+    pid_ = -1;
+    done.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    return done;
+  }
+
+ private:
+  static std::string rest(int fd) {
+    std::string text;
+    char part[4096];
+    for (ssize_t size = 0; (size = read(fd, part, sizeof part)) > 0;)
+      text.append(part, static_cast<std::size_t>(size));
+    return text;
+  }
+  pid_t pid_ = -1;
+  int out_ = -1, err_ = -1;
+};
+
+std::string read_text(const std::string& path) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+// The daemon's shared memory, found as the kernel shows it and read as its readers do.
+const SharedBlock* find_block(pid_t pid) {
+  const std::string folder = "/proc/" + std::to_string(pid) + "/fd/";
+  DIR* listing = opendir(folder.c_str());
+  const SharedBlock* block = nullptr;
+  while (const dirent* entry = listing != nullptr ? readdir(listing) : nullptr) {
+    std::array<char, 256> target{};
+    const std::string path = folder + entry->d_name;
+    if (readlink(path.c_str(), target.data(), target.size() - 1) <= 0) continue;
+    if (std::string_view(target.data()).find("memfd:wagonsight-snapshot") == std::string_view::npos)
+      continue;
+    const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (auto mapped = map_shared_block(fd)) block = *mapped;
+    close(fd);
+    break;
+  }
+  if (listing != nullptr) closedir(listing);
+  return block;
+}
+
+class Daemon : public testing::Test {
+ protected:
+  void SetUp() override {
+    program_ = std::make_unique<Program>(std::vector<std::string>{"--config", settings_file()});
+    const std::string address = program_->first_line();
+    ASSERT_THAT(address, StartsWith("http://127.0.0.1:"));
+    port_ = static_cast<std::uint16_t>(std::stoi(address.substr(17)));
+    ASSERT_TRUE(comes_true([&] { return (block_ = find_block(program_->pid())) != nullptr; }));
+    ASSERT_TRUE(comes_true([&] { return framesets() > 5; }));
+    ASSERT_TRUE(comes_true([&] { return web_pid() > 0 && answers(); }));
+  }
+  void TearDown() override {
+    if (block_ != nullptr) munmap(const_cast<SharedBlock*>(block_), sizeof(SharedBlock));
+  }
+
+  std::uint64_t framesets() { return block_->snapshot.load(*snapshot_) ? snapshot_->framesets : 0; }
+  pid_t web_pid() const {
+    const std::string id = std::to_string(program_->pid());
+    const std::string children = read_text("/proc/" + id + "/task/" + id + "/children");
+    return children.empty() ? 0 : std::stoi(children);
+  }
+  int connected() const {
+    const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const timeval patience{1, 0};
+    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(port_);
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    (void)connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
+    return fd;
+  }
+  std::string get(const std::string& path) const {
+    const int fd = connected();
+    const std::string request =
+        "GET " + path + " HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n";
+    (void)send(fd, request.data(), request.size(), MSG_NOSIGNAL);
+    std::string text;
+    char part[4096];
+    for (ssize_t size = 0; (size = recv(fd, part, sizeof part, 0)) > 0;)
+      text.append(part, static_cast<std::size_t>(size));
+    close(fd);
+    return text;
+  }
+  bool answers() const { return get("/livez").starts_with("HTTP/1.1 200"); }
+  // Frames are worked on from here on, whatever happens to the web side.
+  bool frames_go_on() {
+    const std::uint64_t before = framesets();
+    return comes_true([&] { return framesets() > before + 5; });
+  }
+
+  std::unique_ptr<Program> program_;
+  std::uint16_t port_ = 0;
+  const SharedBlock* block_ = nullptr;
+  std::unique_ptr<Snapshot> snapshot_ = std::make_unique<Snapshot>();
+};
+
+TEST_F(Daemon, WorksOnWhileItsWebSideIsKilledAndBringsItBack) {
+  const pid_t first = web_pid();
+  ASSERT_EQ(kill(first, SIGKILL), 0);
+  EXPECT_TRUE(frames_go_on());
+  EXPECT_TRUE(comes_true([&] { return web_pid() > 0 && web_pid() != first; }));
+  EXPECT_TRUE(comes_true([&] { return answers(); }));
+  framesets();
+  EXPECT_EQ(snapshot_->web_restarts, 1U);
+}
+
+TEST_F(Daemon, WorksOnWhileItsWebSideHangsAndReplacesIt) {
+  const pid_t first = web_pid();
+  ASSERT_EQ(kill(first, SIGSTOP), 0);
+  EXPECT_TRUE(frames_go_on());
+  EXPECT_TRUE(comes_true([&] { return web_pid() > 0 && web_pid() != first; }));
+  EXPECT_TRUE(comes_true([&] { return answers(); }));
+}
+
+TEST_F(Daemon, WorksOnWhileItsWebSideIsFlooded) {
+  std::atomic<bool> done{false};
+  std::vector<std::thread> flood;
+  for (int i = 0; i < 4; ++i)
+    flood.emplace_back([&] {
+      std::vector<int> open;
+      while (!done) {
+        open.push_back(connected());
+        const std::string_view request = "GET /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n";
+        for (const int fd : open)
+          (void)send(fd, request.data(), request.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (open.size() < 100) continue;
+        for (const int fd : open) close(fd);
+        open.clear();
+      }
+      for (const int fd : open) close(fd);
+    });
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(frames_go_on());
+  done = true;
+  for (std::thread& thread : flood) thread.join();
+  EXPECT_TRUE(comes_true([&] { return answers(); }));
+}
+
+TEST_F(Daemon, GivesItsWebSideNoPrivileges) {
+  const std::string status = read_text("/proc/" + std::to_string(web_pid()) + "/status");
+  EXPECT_THAT(status, HasSubstr("NoNewPrivs:\t1"));
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  EXPECT_THAT(status, HasSubstr("Seccomp:\t2"));
+#endif
+  if (geteuid() == 0) {
+    EXPECT_THAT(status, HasSubstr("Uid:\t65534\t65534\t65534"));
+    EXPECT_THAT(status, HasSubstr("CapEff:\t0000000000000000"));
+  }
+}
+
+TEST_F(Daemon, EndsWithZeroAndTakesItsWebSideAlong) {
+  const pid_t web = web_pid();
+  ASSERT_EQ(kill(program_->pid(), SIGTERM), 0);
+  const Finished done = program_->finish();
+  EXPECT_EQ(done.status, 0) << done.err;
+  EXPECT_TRUE(comes_true([&] { return kill(web, 0) != 0; }));
+}
+
+TEST_F(Daemon, TakesItsWebSideAlongWhenItIsKilled) {
+  const pid_t web = web_pid();
+  ASSERT_EQ(kill(program_->pid(), SIGKILL), 0);
+  program_->finish();
+  EXPECT_TRUE(comes_true([&] {
+    // It is nobody's child now; where nobody reaps orphans it stays as a zombie.
+    const std::string status = read_text("/proc/" + std::to_string(web) + "/status");
+    return status.empty() || status.find("State:\tZ") != std::string::npos;
+  }));
+}
+
+TEST_F(Daemon, KeepsItsHeapSealed) {
+  ASSERT_TRUE(comes_true([&] { return framesets() > 60; }));
+  EXPECT_EQ(snapshot_->allocations_sealed, 0U);
+}
+
+TEST(CommandLine, ChecksSettingsWithoutStarting) {
+  Program good({"--config", settings_file(), "--check-config"});
+  EXPECT_EQ(good.finish().status, 0);
+  Program bad({"--config", settings_file("ports = 3\n"), "--check-config"});
+  const Finished done = bad.finish();
+  EXPECT_EQ(done.status, 1);
+  EXPECT_THAT(done.err, HasSubstr(":11: "));
+  EXPECT_THAT(done.err, HasSubstr("web.ports"));
+}
+
+TEST(CommandLine, TellsWrongUsageFromFailure) {
+  EXPECT_EQ(Program({}).finish().status, 2);
+  EXPECT_EQ(Program({"--nonsense"}).finish().status, 2);
+  const Finished absent = Program({"--config", "/nowhere/wagon.toml"}).finish();
+  EXPECT_EQ(absent.status, 1);
+  EXPECT_THAT(absent.err, HasSubstr("/nowhere/wagon.toml"));
+  const Finished by_hand = Program({"--web-side"}).finish();
+  EXPECT_EQ(by_hand.status, 2);
+  EXPECT_THAT(Program({"--help"}).finish().out, HasSubstr("--check-config"));
+}
+
+TEST(SharedMemory, CanBeReadButNotWrittenByOthers) {
+  const auto unit = std::make_unique<UnitInfo>();
+  unit->name = "seven";
+  auto writer = SharedBlockWriter::create(*unit);
+  ASSERT_TRUE(writer.has_value());
+  const auto reader = map_shared_block(writer->fd());
+  ASSERT_TRUE(reader.has_value());
+  EXPECT_EQ((*reader)->unit.name, "seven");
+  EXPECT_EQ(mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED, writer->fd(), 0),
+            MAP_FAILED);
+  EXPECT_NE(ftruncate(writer->fd(), 1), 0);
+  munmap(const_cast<SharedBlock*>(*reader), sizeof(SharedBlock));
+}
+
+}  // namespace
+}  // namespace wagonsight
