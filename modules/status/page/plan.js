@@ -43,8 +43,9 @@ class PlanView {
     const { min, max } = this.plan.inside;
     const length = Math.max(max[0] - min[0], 0.5), breadth = Math.max(max[1] - min[1], 0.5);
     this.upright = width < 560;
+    this.narrow = width < 300;  // no room for the doors' counts; they stand in the list
     if (this.upright) {
-      const side = 84, scale = Math.min((width - 2 * side) / breadth, 150);
+      const side = this.narrow ? 62 : 84, scale = Math.min((width - 2 * side) / breadth, 150);
       const left = (width - scale * breadth) / 2;
       this.height = Math.ceil(scale * length + 48);
       this.place = ([x, y]) => [left + scale * (y - min[1]), 24 + scale * (x - min[0])];
@@ -127,9 +128,9 @@ class PlanView {
   // Beside the wagon, so that nobody walks over it; on the other side where one is there already.
   zoneLabelPlace(mid, used) {
     const { min, max } = this.plan.inside;
-    const box = this.box(min, max);
+    const box = this.box(min, max), side = this.narrow ? 56 : 84;
     const spots = this.upright
-      ? [[box.x - 42, mid[1]], [box.x + box.width + 84, mid[1]]]
+      ? [[box.x - (this.narrow ? 14 : 42), mid[1]], [box.x + box.width + side, mid[1]]]
       : [[mid[0], box.y - 38], [mid[0], box.y + box.height + 25]];
     const free = spots.find((s) => used.every((u) => Math.hypot(u[0] - s[0], u[1] - s[1]) > 60));
     used.push(free || spots[0]);
@@ -225,7 +226,7 @@ class PlanView {
       const drawn = this.doors.get(door.name);
       if (!drawn) continue;
       drawn.label.textContent = this.upright ? '' : `${door.name}  \u00b7  ${door.boarded} in, ${door.alighted} out`;
-      if (this.upright) {
+      if (this.upright && !this.narrow) {
         [`${door.boarded} in`, `${door.alighted} out`].forEach((text, line) => {
           shape(drawn.label, 'tspan', { x: drawn.label.getAttribute('x'), dy: line ? 15 : -8 }, text);
         });
