@@ -122,8 +122,8 @@ struct PenaltyRow {
 
 // From winners to disparities in 64ths of a pixel; kNoDisparity where there is no winner, the pixel
 // is flat, or what the right image sees there differs by more than the tolerance. Sub-pixel by the
-// equiangular fit, rounded half away from zero, which locks less to whole pixels than a parabola
-// where costs are census sums.
+// equiangular fit, bent outwards: census sums rise too slowly beside their minimum, which draws
+// disparities towards whole pixels (Haller and Nedevschi 2012 fit a sine for the same reason).
 struct DisparityRow {
   const std::uint8_t* winner;
   const std::uint8_t* cost;

@@ -150,8 +150,8 @@ TEST_P(KernelsTest, MediansAreEqual) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, KernelsTest, testing::Range(0, 40));
 
-// The equiangular fit in whole numbers, for every pair of rises.
-TEST(Kernels, SubpixelPartsAreTheRoundedQuotients) {
+// The bent equiangular fit, for every pair of rises.
+TEST(Kernels, SubpixelPartsAreTheRoundedFit) {
   for (const Kernels* kernels : {&scalar_kernels(), &best_kernels()})
     for (int below = 0; below < 255; ++below) {
       Bytes winner(255, 10), cost(255, 0), down(255, static_cast<std::uint8_t>(below)), up(255);
@@ -161,9 +161,9 @@ TEST(Kernels, SubpixelPartsAreTheRoundedQuotients) {
       kernels->disparity_row({winner.data(), cost.data(), down.data(), up.data(), winner.data(),
                               flat.data(), 255, 0, 0, out.data()});
       for (int above = 0; above < 255; ++above) {
-        const int most = std::max({below, above, 1});
-        const int rounded = (2 * 32 * std::abs(below - above) + most) / (2 * most);
-        ASSERT_EQ(out[static_cast<std::size_t>(above)], 640 + (below < above ? -rounded : rounded))
+        const double r = double(below - above) / std::max({below, above, 1});
+        ASSERT_NEAR(out[static_cast<std::size_t>(above)], 640 + 64 * (0.7 * r - 0.2 * r * r * r),
+                    0.501)
             << below << ", " << above;
       }
     }
