@@ -125,7 +125,8 @@ double Actor::clear_fall_direction(double wanted, const Stage& stage) const {
   // Of sixteen directions the one nearest to the wanted one in which the body finds room.
   const double length = 0.95 * figure_.height;
   for (int i = 0; i < 16; ++i) {
-    const double turn = (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2) * (kPi / 8);
+    const int eighths = (i + 1) / 2;  // 0, 1, 1, 2, 2, ... to both sides in turn
+    const double turn = (i % 2 == 0 ? 1 : -1) * eighths * (kPi / 8);
     const double yaw = wanted + turn;
     const Vector2d end = at() + length * direction_of(yaw);
     if (stage.plan->walkable(end) && stage.plan->straight(at(), end, 0.15)) return yaw;

@@ -63,14 +63,14 @@ void World::keep_apart(double dt) {
 
 void World::tick() {
   ++ticks_;
-  constexpr double dt = static_cast<double>(kTickNs) * 1e-9;
-  const double now = static_cast<double>(ticks_) * dt;
+  constexpr double kTickSeconds = static_cast<double>(kTickNs) * 1e-9;
+  const double now = static_cast<double>(ticks_) * kTickSeconds;
   for (std::size_t i = 0; i < actors_.size(); ++i) {
-    actors_[i].tick(now, dt, stage_);
+    actors_[i].tick(now, kTickSeconds, stage_);
     neighbours_[i] = actors_[i].as_neighbour();
   }
-  keep_apart(dt);
-  move_doors(dt);
+  keep_apart(kTickSeconds);
+  move_doors(kTickSeconds);
   remember();
 }
 

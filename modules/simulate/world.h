@@ -21,6 +21,7 @@ namespace wagonsight {
 class World {
  public:
   World(const Scene& scene, std::uint64_t seed);
+  ~World() = default;
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 

@@ -4,29 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <new>
 #include <sstream>
 
 #include "base/crc32c.h"
-
-namespace {
-std::size_t allocations = 0;  // by this program, ever
-}
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
+#include "counted_heap.h"
 
 namespace wagonsight {
 namespace {
@@ -337,12 +320,12 @@ act = "sit"
   Simulation simulation(scene, 1);
   Slot s;
   PeopleFrame truth;
-  const std::size_t before = allocations;
+  const std::size_t before = allocation_count();
   for (int i = 0; i < 400; ++i) {
     simulation.next(s.slot);
     simulation.truth_at(s.slot.instant, truth);
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(allocation_count(), before);
   EXPECT_EQ(truth.people.size(), 2U);
 }
 

@@ -1,0 +1,29 @@
+#include "counted_heap.h"
+
+#include <cstdlib>
+#include <new>
+
+namespace {
+std::size_t allocations = 0;
+}
+
+// In a file of their own, so that no caller is compiled with them in view.
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+
+namespace wagonsight {
+
+std::size_t allocation_count() {
+  return allocations;
+}
+
+}  // namespace wagonsight
