@@ -1,0 +1,103 @@
+#include "bench/euclidean_clusters.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace wagonsight::bench {
+namespace {
+
+constexpr std::uint32_t kNoPoint = UINT32_MAX;
+
+}  // namespace
+
+EuclideanClusters::EuclideanClusters(const Bounds& inside, double tolerance_m,
+                                     std::size_t points_max)
+    : min_((inside.min.array() - 0.3).matrix().cast<float>()),
+      per_cell_(static_cast<float>(std::sqrt(3.0) / tolerance_m)),
+      tolerance_squared_(static_cast<float>(tolerance_m * tolerance_m)),
+      cells_(points_max),
+      next_point_(points_max) {
+  std::size_t count = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double length = inside.max[axis] - inside.min[axis] + 0.6;
+    size_[axis] = static_cast<int>(std::ceil(length * static_cast<double>(per_cell_))) + 4;
+    count *= static_cast<std::size_t>(size_[axis]);
+  }
+  cell_at_ = std::make_unique<std::uint32_t[]>(count);
+}
+
+std::uint32_t EuclideanClusters::root(std::uint32_t cell) {
+  while (cells_[cell].parent != cell) {
+    cells_[cell].parent = cells_[cells_[cell].parent].parent;
+    cell = cells_[cell].parent;
+  }
+  return cell;
+}
+
+void EuclideanClusters::fill(std::span<const ForegroundPoint> points) {
+  cells_.clear();
+  next_point_.resize(points.size());
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    const int place[3] = {static_cast<int>((points[i].x - min_.x()) * per_cell_) + 2,
+                          static_cast<int>((points[i].y - min_.y()) * per_cell_) + 2,
+                          static_cast<int>((points[i].z - min_.z()) * per_cell_) + 2};
+    const int x = std::clamp(place[0], 2, size_[0] - 3), y = std::clamp(place[1], 2, size_[1] - 3),
+              z = std::clamp(place[2], 2, size_[2] - 3);
+    std::uint32_t& at = cell_at_[static_cast<std::size_t>((z * size_[1] + y) * size_[0] + x)];
+    if (at == 0) {
+      const auto index = static_cast<std::uint32_t>(cells_.size());
+      (void)cells_.try_push_back({kNoPoint, index, 0, x, y, z});
+      at = index + 1;
+    }
+    Cell& cell = cells_[at - 1];
+    next_point_[i] = cell.first;
+    cell.first = i;
+    ++cell.points;
+  }
+}
+
+void EuclideanClusters::join(std::span<const ForegroundPoint> points, std::uint32_t a,
+                             std::uint32_t b) {
+  const std::uint32_t root_a = root(a), root_b = root(b);
+  if (root_a == root_b) return;
+  for (std::uint32_t i = cells_[a].first; i != kNoPoint; i = next_point_[i]) {
+    for (std::uint32_t j = cells_[b].first; j != kNoPoint; j = next_point_[j]) {
+      const float dx = points[i].x - points[j].x, dy = points[i].y - points[j].y,
+                  dz = points[i].z - points[j].z;
+      if (dx * dx + dy * dy + dz * dz > tolerance_squared_) continue;
+      cells_[std::max(root_a, root_b)].parent = std::min(root_a, root_b);
+      return;
+    }
+  }
+}
+
+std::size_t EuclideanClusters::count(std::span<const ForegroundPoint> points,
+                                     std::uint32_t points_min) {
+  fill(points);
+  for (std::uint32_t index = 0; index < cells_.size(); ++index) {
+    const Cell cell = cells_[index];
+    // The half of the neighbourhood that comes before; the other half looks from its own side.
+    for (int dz = -2; dz <= 0; ++dz) {
+      for (int dy = -2; dy <= (dz == 0 ? 0 : 2); ++dy) {
+        const int row = ((cell.z + dz) * size_[1] + cell.y + dy) * size_[0] + cell.x;
+        for (int dx = -2; dx <= (dz == 0 && dy == 0 ? -1 : 2); ++dx) {
+          const std::uint32_t other = cell_at_[static_cast<std::size_t>(row + dx)];
+          if (other != 0) join(points, index, other - 1);
+        }
+      }
+    }
+  }
+  std::size_t clusters = 0;
+  for (std::uint32_t index = 0; index < cells_.size(); ++index) {
+    const std::uint32_t top = root(index);
+    if (top != index) cells_[top].points += cells_[index].points;
+  }
+  for (std::uint32_t index = 0; index < cells_.size(); ++index) {
+    const Cell& cell = cells_[index];
+    if (cell.parent == index && cell.points >= points_min) ++clusters;
+    cell_at_[static_cast<std::size_t>((cell.z * size_[1] + cell.y) * size_[0] + cell.x)] = 0;
+  }
+  return clusters;
+}
+
+}  // namespace wagonsight::bench
