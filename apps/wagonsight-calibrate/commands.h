@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+
+#include "base/result.h"
+
+// The commands of wagonsight-calibrate, one function each: it reads its files, calls the calibrate
+// module, writes its files and prints what a person wants to know.
+namespace wagonsight {
+
+struct DetectArguments {
+  std::string images, board, out;
+};
+Result<void> run_detect(const DetectArguments& arguments);
+
+struct SolveArguments {
+  std::string observations, sensors, out;
+};
+Result<void> run_solve(const SolveArguments& arguments);
+
+struct GeoreferenceArguments {
+  std::string solution, targets, out;
+};
+Result<void> run_georeference(const GeoreferenceArguments& arguments);
+
+struct PackArguments {
+  std::string solution, out;
+};
+Result<void> run_pack(const PackArguments& arguments);
+
+}  // namespace wagonsight

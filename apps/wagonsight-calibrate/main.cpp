@@ -1,0 +1,66 @@
+// wagonsight-calibrate: the commissioning tool.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <functional>
+
+#include "commands.h"
+
+using namespace wagonsight;
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "wagonsight-calibrate finds where every camera of a wagon stands, and how well that is "
+      "known."};
+  app.set_version_flag("--version", std::string("wagonsight-calibrate ") + WAGONSIGHT_VERSION);
+  app.require_subcommand(1);
+
+  DetectArguments detect;
+  auto* detect_command =
+      app.add_subcommand("detect", "find the chessboard's corners in images, one folder a sensor");
+  detect_command->add_option("--images", detect.images, "folder that holds one folder per sensor")
+      ->required();
+  detect_command
+      ->add_option("--board", detect.board, "BOARD.toml: rows, columns (inner corners), square_m")
+      ->required();
+  detect_command->add_option("--out", detect.out, "OBS.json")->required();
+
+  SolveArguments solve;
+  auto* solve_command =
+      app.add_subcommand("solve", "bundle adjustment of all cameras and board poses");
+  solve_command->add_option("--observations", solve.observations, "OBS.json")->required();
+  solve_command->add_option("--sensors", solve.sensors, "SENSORS.toml")->required();
+  solve_command->add_option("--out", solve.out, "SOLUTION.json")->required();
+
+  GeoreferenceArguments georeference;
+  auto* georeference_command = app.add_subcommand(
+      "georeference", "fit the similarity transform from the board to the world");
+  georeference_command->add_option("--solution", georeference.solution, "SOLUTION.json")
+      ->required();
+  georeference_command->add_option("--targets", georeference.targets, "TARGETS.json")->required();
+  georeference_command->add_option("--out", georeference.out, "SOLUTION.json")->required();
+
+  PackArguments pack;
+  auto* pack_command = app.add_subcommand("pack", "write the calibration blob for the unit");
+  pack_command->add_option("--solution", pack.solution, "SOLUTION.json")->required();
+  pack_command->add_option("--out", pack.out, "RIG.blob")->required();
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);
+  } catch (const CLI::ParseError& error) {
+    app.exit(error);
+    return 2;
+  }
+  const auto done = [&]() -> Result<void> {
+    if (*detect_command) return run_detect(detect);
+    if (*solve_command) return run_solve(solve);
+    if (*georeference_command) return run_georeference(georeference);
+    return run_pack(pack);
+  }();
+  if (done) return 0;
+  fmt::print(stderr, "{}\n", done.error().message);
+  return 1;
+}

@@ -1,0 +1,82 @@
+#include <fmt/format.h>
+
+#include <numbers>
+
+#include "calibrate/georeference.h"
+#include "calibrate/pack.h"
+#include "calibrate/solve.h"
+#include "commands.h"
+#include "files.h"
+#include "geometry/angles.h"
+#include "rig/blob.h"
+
+namespace wagonsight {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+void print_imagers(const Solution& solution) {
+  fmt::print("{:<12} {:>8} {:>8} {:>10} {:>10} {:>12} {:>14}\n", "imager", "corners", "rejected",
+             "RMS px", "held out", "sigma mm", "sigma degrees");
+  for (const ImagerSolution& imager : solution.imagers) {
+    const double position = std::sqrt(imager.covariance.bottomRightCorner<3, 3>().trace());
+    const double turn = std::sqrt(imager.covariance.topLeftCorner<3, 3>().trace());
+    fmt::print("{:<12} {:>8} {:>8} {:>10.3f} {:>10.3f} {:>12.2f} {:>14.4f}\n", imager.name,
+               imager.corners, imager.rejected, imager.rms_px, imager.held_out_rms_px,
+               position * 1e3, turn * kDegrees);
+  }
+}
+
+Result<Solution> read_solution(const std::string& path) {
+  const auto text = read_text(path);
+  if (!text) return fail(text.error().message);
+  return parse_solution(*text, path);
+}
+
+}  // namespace
+
+Result<void> run_solve(const SolveArguments& arguments) {
+  const auto observations_text = read_text(arguments.observations);
+  if (!observations_text) return fail(observations_text.error().message);
+  const auto observations = parse_observations(*observations_text, arguments.observations);
+  if (!observations) return fail(observations.error().message);
+  const auto sensors_text = read_text(arguments.sensors);
+  if (!sensors_text) return fail(sensors_text.error().message);
+  const auto sensors = parse_sensors(*sensors_text, arguments.sensors);
+  if (!sensors) return fail(sensors.error().message);
+  const auto solution = solve(*observations, *sensors);
+  if (!solution) return fail(solution.error().message);
+  print_imagers(*solution);
+  for (const std::string& remark : solution->remarks) fmt::print("{}\n", remark);
+  return write_text(arguments.out, format_solution(*solution));
+}
+
+Result<void> run_georeference(const GeoreferenceArguments& arguments) {
+  auto solution = read_solution(arguments.solution);
+  if (!solution) return fail(solution.error().message);
+  const auto text = read_text(arguments.targets);
+  if (!text) return fail(text.error().message);
+  const auto targets = parse_targets(*text, arguments.targets);
+  if (!targets) return fail(targets.error().message);
+  if (auto done = georeference(*targets, *solution); !done) return done;
+  const Georeferenced& geo = *solution->georeference;
+  const OmegaPhiKappa angles = to_omega_phi_kappa(geo.X_WB.rotation);
+  fmt::print(
+      "X0 {:.4f} m, Y0 {:.4f} m, Z0 {:.4f} m, omega {:.3f}, phi {:.3f}, kappa {:.3f} degrees, "
+      "scale {:.5f}\n",
+      geo.X_WB.position.x(), geo.X_WB.position.y(), geo.X_WB.position.z(), angles.omega * kDegrees,
+      angles.phi * kDegrees, angles.kappa * kDegrees, geo.X_WB.scale);
+  for (std::size_t i = 0; i < geo.targets.size(); ++i)
+    fmt::print("target {}: {:.1f} mm off\n", geo.targets[i], geo.residuals_m[i].norm() * 1e3);
+  return write_text(arguments.out, format_solution(*solution));
+}
+
+Result<void> run_pack(const PackArguments& arguments) {
+  const auto solution = read_solution(arguments.solution);
+  if (!solution) return fail(solution.error().message);
+  const auto rig = to_rig(*solution);
+  if (!rig) return fail(rig.error().message);
+  return write_bytes(arguments.out, pack_blob(*rig));
+}
+
+}  // namespace wagonsight

@@ -1,0 +1,257 @@
+#include "calibrate/solution.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "geometry/angles.h"
+
+namespace wagonsight {
+namespace {
+
+using Json = nlohmann::json;
+
+Json to_json(const Eigen::Ref<const Eigen::MatrixXd>& matrix) {
+  Json rows = Json::array();
+  for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
+    Json row = Json::array();
+    for (Eigen::Index c = 0; c < matrix.cols(); ++c) row.push_back(matrix(r, c));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Json to_list(const Eigen::Ref<const Eigen::VectorXd>& vector) {
+  return Json(std::vector<double>(vector.begin(), vector.end()));
+}
+
+Json to_json(const Eigen::Quaterniond& q) {
+  return Json::array({q.w(), q.x(), q.y(), q.z()});
+}
+
+Json to_json(const Rigid& X) {
+  return {{"rotation", to_json(X.rotation)}, {"position", to_list(X.position)}};
+}
+
+Json to_json(const ImagerSolution& imager) {
+  const Camera& c = imager.camera;
+  Eigen::Matrix3d K;
+  K << c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1;
+  return {{"kind", imager.kind == SensorKind::kStereo ? "stereo" : "kinect"},
+          {"width", c.width},
+          {"height", c.height},
+          {"K", to_json(K)},
+          {"distortion", c.distortion},
+          {"intrinsics_fixed", imager.intrinsics_fixed},
+          {"sigma_intrinsics", to_list(imager.sigma_intrinsics)},
+          {"X_BS", to_json(imager.X_BS)},
+          {"covariance", to_json(imager.covariance)},
+          {"corners", imager.corners},
+          {"rejected", imager.rejected},
+          {"rms_px", imager.rms_px},
+          {"rms_px_per_coordinate", imager.rms_px_per_coordinate},
+          {"held_out_rms_px", imager.held_out_rms_px}};
+}
+
+Json to_json(const Georeferenced& geo) {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  const OmegaPhiKappa angles = to_omega_phi_kappa(geo.X_WB.rotation);
+  Json residuals = Json::array();
+  for (std::size_t i = 0; i < geo.targets.size(); ++i)
+    residuals.push_back({{"id", geo.targets[i]},
+                         {"residual", to_list(geo.residuals_m[i])},
+                         {"length", geo.residuals_m[i].norm()}});
+  return {{"X_WB",
+           {{"rotation", to_json(geo.X_WB.rotation)}, {"position", to_list(geo.X_WB.position)}}},
+          {"scale", geo.X_WB.scale},
+          {"omega_phi_kappa_deg",
+           {angles.omega * kDegrees, angles.phi * kDegrees, angles.kappa * kDegrees}},
+          {"sigma", to_list(geo.covariance.diagonal().cwiseSqrt())},
+          {"sigma_order", "rotation x, y, z (rad, about W's axes), position x, y, z (m), scale"},
+          {"covariance", to_json(geo.covariance)},
+          {"residuals_m", std::move(residuals)}};
+}
+
+// Reading back: a SOLUTION.json may have been edited, so every value is checked for its shape.
+class Reader {
+ public:
+  explicit Reader(std::string_view file) : file_(file) {}
+
+  bool ok() const { return error_.empty(); }
+  const std::string& error() const { return error_; }
+
+  double number(const Json& json, const std::string& path) {
+    if (!json.is_number() || !std::isfinite(json.get<double>())) {
+      complain(path, "must be a finite number");
+      return 0;
+    }
+    return json.get<double>();
+  }
+  template <int N>
+  Eigen::Matrix<double, N, 1> vector(const Json& json, const std::string& path) {
+    Eigen::Matrix<double, N, 1> v = Eigen::Matrix<double, N, 1>::Zero();
+    if (!json.is_array() || json.size() != N) {
+      complain(path, fmt::format("must be {} numbers", N));
+      return v;
+    }
+    for (int i = 0; i < N; ++i) v[i] = number(json[static_cast<std::size_t>(i)], path);
+    return v;
+  }
+  template <int N>
+  Eigen::Matrix<double, N, N> matrix(const Json& json, const std::string& path) {
+    Eigen::Matrix<double, N, N> M = Eigen::Matrix<double, N, N>::Zero();
+    if (!json.is_array() || json.size() != N) {
+      complain(path, fmt::format("must be {} rows", N));
+      return M;
+    }
+    for (int r = 0; r < N; ++r)
+      M.row(r) = vector<N>(json[static_cast<std::size_t>(r)], path).transpose();
+    return M;
+  }
+  Eigen::Quaterniond rotation(const Json& json, const std::string& path) {
+    const Eigen::Vector4d q = vector<4>(json, path);
+    if (ok() && std::abs(q.norm() - 1) > 1e-3)
+      complain(path, "must be a unit quaternion w, x, y, z");
+    return ok() ? Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized()
+                : Eigen::Quaterniond::Identity();
+  }
+  void complain(const std::string& path, std::string_view rule) {
+    if (error_.empty()) error_ = fmt::format("{}: {} {}", file_, path, rule);
+  }
+
+ private:
+  std::string file_;
+  std::string error_;
+};
+
+ImagerSolution read_imager(Reader& reader, const std::string& name, const Json& json) {
+  ImagerSolution imager;
+  imager.name = name;
+  const std::string path = "sensors." + name;
+  const auto get = [&](const char* key) { return json.value(key, Json()); };
+  imager.kind = get("kind") == "stereo" ? SensorKind::kStereo : SensorKind::kKinect;
+  imager.camera.width = static_cast<int>(reader.number(get("width"), path + ".width"));
+  imager.camera.height = static_cast<int>(reader.number(get("height"), path + ".height"));
+  const Eigen::Matrix3d K = reader.matrix<3>(get("K"), path + ".K");
+  imager.camera.fx = K(0, 0);
+  imager.camera.fy = K(1, 1);
+  imager.camera.cx = K(0, 2);
+  imager.camera.cy = K(1, 2);
+  const auto distortion = reader.vector<5>(get("distortion"), path + ".distortion");
+  std::copy(distortion.begin(), distortion.end(), imager.camera.distortion.begin());
+  const Json X_BS = get("X_BS");
+  imager.X_BS.rotation = reader.rotation(X_BS.value("rotation", Json()), path + ".X_BS.rotation");
+  imager.X_BS.position = reader.vector<3>(X_BS.value("position", Json()), path + ".X_BS.position");
+  imager.covariance = reader.matrix<6>(get("covariance"), path + ".covariance");
+  imager.rms_px = reader.number(get("rms_px"), path + ".rms_px");
+  imager.rms_px_per_coordinate = imager.rms_px / std::numbers::sqrt2;
+  if (json.contains("held_out_rms_px"))
+    imager.held_out_rms_px = reader.number(json["held_out_rms_px"], path + ".held_out_rms_px");
+  if (json.contains("sigma_intrinsics"))
+    imager.sigma_intrinsics =
+        reader.vector<4>(json["sigma_intrinsics"], path + ".sigma_intrinsics");
+  imager.intrinsics_fixed = json.value("intrinsics_fixed", Json()) == true;
+  return imager;
+}
+
+Georeferenced read_georeference(Reader& reader, const Json& json) {
+  Georeferenced geo;
+  const Json X_WB = json.value("X_WB", Json::object());
+  geo.X_WB.rotation = reader.rotation(X_WB.value("rotation", Json()), "georeference.X_WB.rotation");
+  geo.X_WB.position =
+      reader.vector<3>(X_WB.value("position", Json()), "georeference.X_WB.position");
+  geo.X_WB.scale = reader.number(json.value("scale", Json()), "georeference.scale");
+  geo.covariance = reader.matrix<7>(json.value("covariance", Json()), "georeference.covariance");
+  for (const Json& item : json.value("residuals_m", Json::array())) {
+    geo.targets.push_back(item.value("id", std::string()));
+    geo.residuals_m.emplace_back(
+        reader.vector<3>(item.value("residual", Json()), "georeference.residuals_m"));
+  }
+  return geo;
+}
+
+}  // namespace
+
+std::string format_solution(const Solution& solution) {
+  Json root;
+  root["board"] = {{"rows", solution.board.rows},
+                   {"columns", solution.board.columns},
+                   {"square_m", solution.board.square_m}};
+  root["reference_pose"] = solution.reference_pose;
+  root["sigma0_px"] = solution.sigma0_px;
+  root["sensors"] = Json::object();
+  for (const ImagerSolution& imager : solution.imagers)
+    root["sensors"][imager.name] = to_json(imager);
+  root["poses"] = Json::array();
+  for (const BoardPose& pose : solution.poses)
+    root["poses"].push_back({{"name", pose.name}, {"X_BP", to_json(pose.X_BP)}});
+  root["views"] = Json::array();
+  for (const ViewSolution& view : solution.views) {
+    Json residuals = Json::array();
+    for (const auto& r : view.residuals)
+      residuals.push_back({r.id, r.pixel.x(), r.pixel.y(), r.residual.x(), r.residual.y(), r.used});
+    root["views"].push_back({{"sensor", view.imager},
+                             {"image", view.image},
+                             {"pose", view.pose},
+                             {"rms_px", view.rms_px},
+                             {"residuals", std::move(residuals)}});
+  }
+  root["remarks"] = solution.remarks;
+  if (solution.georeference) root["georeference"] = to_json(*solution.georeference);
+  return root.dump(1) + "\n";
+}
+
+Result<Solution> parse_solution(std::string_view text, std::string_view file) {
+  const Json root = Json::parse(text, nullptr, false);
+  if (root.is_discarded() || !root.is_object() || !root.contains("sensors") ||
+      !root["sensors"].is_object())
+    return fail(fmt::format("{}: this is not a SOLUTION.json (no \"sensors\")", file));
+  Solution solution;
+  Reader reader(file);
+  const Json board = root.value("board", Json::object());
+  solution.board.rows = static_cast<int>(reader.number(board.value("rows", Json()), "board.rows"));
+  solution.board.columns =
+      static_cast<int>(reader.number(board.value("columns", Json()), "board.columns"));
+  solution.board.square_m = reader.number(board.value("square_m", Json()), "board.square_m");
+  solution.reference_pose = root.value("reference_pose", std::string());
+  if (root.contains("sigma0_px"))
+    solution.sigma0_px = reader.number(root["sigma0_px"], "sigma0_px");
+  for (const auto& [name, json] : root["sensors"].items())
+    solution.imagers.push_back(read_imager(reader, name, json));
+  for (const Json& json : root.value("poses", Json::array())) {
+    BoardPose& pose = solution.poses.emplace_back();
+    pose.name = json.value("name", std::string());
+    const Json X = json.value("X_BP", Json::object());
+    pose.X_BP.rotation = reader.rotation(X.value("rotation", Json()), "poses.X_BP.rotation");
+    pose.X_BP.position = reader.vector<3>(X.value("position", Json()), "poses.X_BP.position");
+  }
+  for (const Json& json : root.value("views", Json::array())) {
+    ViewSolution& view = solution.views.emplace_back();
+    view.imager = json.value("sensor", std::string());
+    view.image = json.value("image", std::string());
+    view.pose = json.value("pose", std::string());
+    view.rms_px = reader.number(json.value("rms_px", Json()), "views.rms_px");
+    for (const Json& r : json.value("residuals", Json::array())) {
+      if (!r.is_array() || r.size() != 6 || !r[5].is_boolean()) {
+        reader.complain("views.residuals", "must be [id, x, y, dx, dy, used]");
+        break;
+      }
+      view.residuals.push_back(
+          {static_cast<int>(reader.number(r[0], "views.residuals")),
+           {reader.number(r[1], "views.residuals"), reader.number(r[2], "views.residuals")},
+           {reader.number(r[3], "views.residuals"), reader.number(r[4], "views.residuals")},
+           r[5].get<bool>()});
+    }
+  }
+  for (const Json& remark : root.value("remarks", Json::array()))
+    if (remark.is_string()) solution.remarks.push_back(remark.get<std::string>());
+  if (root.contains("georeference"))
+    solution.georeference = read_georeference(reader, root["georeference"]);
+  if (!reader.ok()) return fail(reader.error());
+  return solution;
+}
+
+}  // namespace wagonsight

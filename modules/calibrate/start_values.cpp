@@ -1,0 +1,489 @@
+// Start values: intrinsics by Zhang's method, a resection for every view, and a walk over the graph
+// of imagers that share board poses.
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+
+#include "calibrate/problem.h"
+
+namespace wagonsight::calibration {
+namespace {
+
+// A candidate of a view's pose: a flat board seen small has two that explain it nearly alike.
+struct Resection {
+  std::vector<Rigid> X_SP;  // best first
+  double rms_px = 0;
+};
+
+cv::Mat matrix_of(const Camera& camera) {
+  return (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+}
+
+cv::Mat distortion_of(const Camera& camera) {
+  return cv::Mat(1, 5, CV_64F, const_cast<double*>(camera.distortion.data())).clone();
+}
+
+// Corners of a view that agree with one homography; wrong IDs mostly do not.
+std::vector<Corner> consistent_corners(const Board& board, const View& view) {
+  std::vector<cv::Point2d> on_board, in_image;
+  for (const Corner& corner : view.corners) {
+    const Eigen::Vector3d p = board.point(corner.id);
+    on_board.emplace_back(p.x(), p.y());
+    in_image.emplace_back(corner.pixel.x(), corner.pixel.y());
+  }
+  constexpr double kDistortedPx = 6;  // a homography knows no distortion
+  std::vector<unsigned char> inlier;
+  cv::setRNGSeed(0);
+  const cv::Mat H = cv::findHomography(on_board, in_image, cv::RANSAC, kDistortedPx, inlier);
+  std::vector<Corner> kept;
+  if (H.empty()) return kept;
+  for (std::size_t i = 0; i < view.corners.size(); ++i)
+    if (inlier[i]) kept.push_back(view.corners[i]);
+  return kept;
+}
+
+// Corners on one line fix no pose.
+bool spans_the_plane(const Board& board, const std::vector<Corner>& corners) {
+  if (corners.size() < 4) return false;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const Corner& c : corners) mean += board.point(c.id).head<2>();
+  mean /= static_cast<double>(corners.size());
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (const Corner& c : corners) {
+    const Eigen::Vector2d d = board.point(c.id).head<2>() - mean;
+    scatter += d * d.transpose();
+  }
+  return scatter.determinant() > 1e-4 * scatter.trace() * scatter.trace();
+}
+
+Resection resect(const Problem& problem, int imager, const View& view) {
+  Resection result;
+  const std::vector<Corner> corners = consistent_corners(problem.board, view);
+  if (!spans_the_plane(problem.board, corners)) return result;
+  std::vector<cv::Point3d> object;
+  std::vector<cv::Point2d> image;
+  for (const Corner& corner : corners) {
+    const Eigen::Vector3d p = problem.board.point(corner.id);
+    object.emplace_back(p.x(), p.y(), 0.0);
+    image.emplace_back(corner.pixel.x(), corner.pixel.y());
+  }
+  const Camera& camera = problem.cameras[static_cast<std::size_t>(imager)];
+  std::vector<cv::Mat> rotations, positions;
+  std::vector<double> errors;
+  cv::solvePnPGeneric(object, image, matrix_of(camera), distortion_of(camera), rotations, positions,
+                      false, cv::SOLVEPNP_IPPE, cv::noArray(), cv::noArray(), errors);
+  for (std::size_t i = 0; i < rotations.size(); ++i) {
+    cv::solvePnPRefineLM(object, image, matrix_of(camera), distortion_of(camera), rotations[i],
+                         positions[i]);
+    const Eigen::Vector3d r(rotations[i].at<double>(0), rotations[i].at<double>(1),
+                            rotations[i].at<double>(2));
+    const Eigen::Vector3d t(positions[i].at<double>(0), positions[i].at<double>(1),
+                            positions[i].at<double>(2));
+    if (r.allFinite() && t.allFinite() && t.z() > 0) result.X_SP.push_back(to_rigid(r, t));
+  }
+  return result;
+}
+
+Result<void> start_camera(Problem& problem, int imager) {
+  const SensorSpec& spec = problem.spec(imager);
+  Camera& camera = problem.cameras[static_cast<std::size_t>(imager)];
+  const std::string& name = problem.imagers[static_cast<std::size_t>(imager)].name;
+  if (spec.start) {
+    camera = *spec.start;
+    return {};
+  }
+  std::vector<std::vector<cv::Point3f>> objects;
+  std::vector<std::vector<cv::Point2f>> images;
+  for (std::size_t v = 0; v < problem.views.size(); ++v) {
+    if (problem.view_imager[v] != imager) continue;
+    const auto corners = consistent_corners(problem.board, problem.views[v]);
+    if (corners.size() < 8 || !spans_the_plane(problem.board, corners)) continue;
+    auto& object = objects.emplace_back();
+    auto& image = images.emplace_back();
+    for (const Corner& corner : corners) {
+      const Eigen::Vector3f p = problem.board.point(corner.id).cast<float>();
+      object.emplace_back(p.x(), p.y(), 0.0F);
+      image.emplace_back(static_cast<float>(corner.pixel.x()),
+                         static_cast<float>(corner.pixel.y()));
+    }
+  }
+  if (objects.size() < 3)
+    return fail(
+        fmt::format("{}: its intrinsics are not given and {} usable views cannot tell them; "
+                    "state fx, fy, cx, cy or take at least three tilted views",
+                    name, objects.size()));
+  cv::Mat K = cv::initCameraMatrix2D(objects, images, {spec.width, spec.height});
+  cv::Mat D = cv::Mat::zeros(1, 5, CV_64F);
+  std::vector<cv::Mat> rotations, positions;
+  cv::calibrateCamera(objects, images, {spec.width, spec.height}, K, D, rotations, positions,
+                      cv::CALIB_USE_INTRINSIC_GUESS | cv::CALIB_FIX_K3);
+  camera.width = spec.width;
+  camera.height = spec.height;
+  camera.fx = K.at<double>(0, 0);
+  camera.fy = K.at<double>(1, 1);
+  camera.cx = K.at<double>(0, 2);
+  camera.cy = K.at<double>(1, 2);
+  for (int i = 0; i < 5; ++i) camera.distortion[static_cast<std::size_t>(i)] = D.at<double>(i);
+  return {};
+}
+
+// How far two rigid motions are apart, metres, with a lever of one metre for the rotation.
+double distance(const Rigid& a, const Rigid& b) {
+  return (a.position - b.position).norm() + a.rotation.angularDistance(b.rotation);
+}
+
+// The candidate most others agree with.
+struct Vote {
+  Rigid X;
+  double median_distance = std::numeric_limits<double>::infinity();
+};
+Vote medoid(const std::vector<std::vector<Rigid>>& candidates_by_pose) {
+  Vote best;
+  for (const auto& candidates : candidates_by_pose)
+    for (const Rigid& candidate : candidates) {
+      std::vector<double> distances;
+      for (const auto& others : candidates_by_pose) {
+        double nearest = std::numeric_limits<double>::infinity();
+        for (const Rigid& other : others) nearest = std::min(nearest, distance(candidate, other));
+        distances.push_back(nearest);
+      }
+      const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+      std::nth_element(distances.begin(), middle, distances.end());
+      // Strictly better only: the first, which has the smallest reprojection error, wins ties.
+      if (*middle < best.median_distance - 1e-12) best = {candidate, *middle};
+    }
+  return best;
+}
+
+class StartValues {
+ public:
+  explicit StartValues(Problem& problem) : problem_(problem) {}
+
+  Result<void> find() {
+    for (int i = 0; i < imager_count(); ++i)
+      if (auto started = start_camera(problem_, i); !started) return started;
+    for (std::size_t v = 0; v < problem_.views.size(); ++v)
+      resections_.push_back(resect(problem_, problem_.view_imager[v], problem_.views[v]));
+    drop_mirrored_views();
+    walk_the_graph();
+    place_boards();
+    repair_shifted_views();
+    return express_in_reference();
+  }
+
+ private:
+  int imager_count() const { return static_cast<int>(problem_.imagers.size()); }
+  const std::vector<Rigid>& candidates(std::size_t view) const { return resections_[view].X_SP; }
+
+  // A board looked at from its front shows all its views with the same orientation.
+  void drop_mirrored_views();
+  void walk_the_graph();
+  void place_boards();
+  void repair_shifted_views();
+  Result<void> express_in_reference();
+  double pose_cost(int pose, const Rigid& X_RP) const;
+  bool try_renumbering(std::size_t view);
+
+  Problem& problem_;
+  std::vector<Resection> resections_;
+  std::vector<Rigid> X_SR_;  // imager from the root imager
+  std::vector<bool> imager_known_;
+  std::vector<Rigid> X_RP_;  // board pose in the root imager
+  std::vector<bool> pose_known_;
+};
+
+int orientation(const Board& board, const View& view) {
+  // Sign of the area map from the board to the image, by least squares of an affine map.
+  Eigen::Matrix2d cross = Eigen::Matrix2d::Zero(), scatter = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d mean_b = Eigen::Vector2d::Zero(), mean_i = Eigen::Vector2d::Zero();
+  const double n = static_cast<double>(view.corners.size());
+  for (const Corner& c : view.corners) {
+    mean_b += board.point(c.id).head<2>() / n;
+    mean_i += c.pixel / n;
+  }
+  for (const Corner& c : view.corners) {
+    const Eigen::Vector2d b = board.point(c.id).head<2>() - mean_b;
+    cross += (c.pixel - mean_i) * b.transpose();
+    scatter += b * b.transpose();
+  }
+  const double determinant = cross.determinant() * scatter.determinant();
+  return determinant > 0 ? 1 : -1;
+}
+
+void StartValues::drop_mirrored_views() {
+  int balance = 0;
+  for (const View& view : problem_.views) balance += orientation(problem_.board, view);
+  const int usual = balance >= 0 ? 1 : -1;
+  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    View& view = problem_.views[v];
+    if (orientation(problem_.board, view) == usual) continue;
+    for (Corner& corner : view.corners) {
+      const int row = corner.id / problem_.board.columns,
+                column = corner.id % problem_.board.columns;
+      corner.id = row * problem_.board.columns + (problem_.board.columns - 1 - column);
+    }
+    problem_.remarks.push_back(fmt::format(
+        "{} {}: the corner IDs are mirrored against the other views; they were turned round",
+        view.imager, view.image.empty() ? view.pose : view.image));
+    resections_[v] = resect(problem_, problem_.view_imager[v], view);
+  }
+}
+
+void StartValues::walk_the_graph() {
+  const auto n = static_cast<std::size_t>(imager_count());
+  X_SR_.assign(n, Rigid{});
+  imager_known_.assign(n, false);
+  // views_of[pose][imager] = view
+  std::map<int, std::map<int, std::size_t>> views_of;
+  for (std::size_t v = 0; v < problem_.views.size(); ++v)
+    if (!candidates(v).empty()) views_of[problem_.view_pose[v]][problem_.view_imager[v]] = v;
+  struct Edge {
+    int shared = 0;
+    Vote vote;
+  };
+  std::map<std::pair<int, int>, Edge> edges;  // (a, b), a < b: X_ba
+  for (int a = 0; a < imager_count(); ++a)
+    for (int b = a + 1; b < imager_count(); ++b) {
+      std::vector<std::vector<Rigid>> relative;
+      for (const auto& [pose, by_imager] : views_of) {
+        const auto va = by_imager.find(a), vb = by_imager.find(b);
+        if (va == by_imager.end() || vb == by_imager.end()) continue;
+        auto& list = relative.emplace_back();
+        for (const Rigid& X_bP : candidates(vb->second))
+          for (const Rigid& X_aP : candidates(va->second)) list.push_back(X_bP * X_aP.inverse());
+      }
+      if (!relative.empty()) edges[{a, b}] = {static_cast<int>(relative.size()), medoid(relative)};
+    }
+  // The imager with the most shared poses is the root; then always the strongest edge (Prim).
+  std::vector<int> strength(n, 0);
+  for (const auto& [pair, edge] : edges) {
+    strength[static_cast<std::size_t>(pair.first)] += edge.shared;
+    strength[static_cast<std::size_t>(pair.second)] += edge.shared;
+  }
+  const auto root = static_cast<std::size_t>(std::max_element(strength.begin(), strength.end()) -
+                                             strength.begin());
+  imager_known_[root] = true;
+  for (;;) {
+    const Edge* strongest = nullptr;
+    std::pair<int, int> pair;
+    for (const auto& [key, edge] : edges) {
+      const bool known_a = imager_known_[static_cast<std::size_t>(key.first)];
+      const bool known_b = imager_known_[static_cast<std::size_t>(key.second)];
+      if (known_a == known_b) continue;
+      if (strongest == nullptr || edge.shared > strongest->shared) {
+        strongest = &edge;
+        pair = key;
+      }
+    }
+    if (strongest == nullptr) return;
+    const auto a = static_cast<std::size_t>(pair.first), b = static_cast<std::size_t>(pair.second);
+    if (imager_known_[a])
+      X_SR_[b] = strongest->vote.X * X_SR_[a];
+    else
+      X_SR_[a] = strongest->vote.X.inverse() * X_SR_[b];
+    imager_known_[a] = imager_known_[b] = true;
+  }
+}
+
+double StartValues::pose_cost(int pose, const Rigid& X_RP) const {
+  double cost = 0;
+  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    const int imager = problem_.view_imager[v];
+    if (problem_.view_pose[v] != pose || !imager_known_[static_cast<std::size_t>(imager)]) continue;
+    const Rigid X_SP = X_SR_[static_cast<std::size_t>(imager)] * X_RP;
+    for (const Corner& corner : problem_.views[v].corners) {
+      const double e = (reproject(problem_, imager, X_SP, corner.id) - corner.pixel).squaredNorm();
+      constexpr double kScalePx = 5;
+      cost += std::log1p(e / (kScalePx * kScalePx));
+    }
+  }
+  return cost;
+}
+
+void StartValues::place_boards() {
+  const std::size_t n = problem_.pose_names.size();
+  X_RP_.assign(n, Rigid{});
+  pose_known_.assign(n, false);
+  std::vector<double> best(n, std::numeric_limits<double>::infinity());
+  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    const auto pose = static_cast<std::size_t>(problem_.view_pose[v]);
+    const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
+    if (!imager_known_[imager]) continue;
+    for (const Rigid& X_SP : candidates(v)) {
+      const Rigid X_RP = X_SR_[imager].inverse() * X_SP;
+      const double cost = pose_cost(static_cast<int>(pose), X_RP);
+      if (cost >= best[pose]) continue;
+      best[pose] = cost;
+      X_RP_[pose] = X_RP;
+      pose_known_[pose] = true;
+    }
+  }
+}
+
+double view_rms(const Problem& problem, std::size_t v, const Rigid& X_SP,
+                const std::vector<Corner>& corners) {
+  // The median, so that a few wrong IDs do not make a good view look bad.
+  std::vector<double> errors;
+  for (const Corner& corner : corners)
+    errors.push_back(
+        (reproject(problem, problem.view_imager[v], X_SP, corner.id) - corner.pixel).norm());
+  if (errors.empty()) return std::numeric_limits<double>::infinity();
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  return *middle;
+}
+
+bool StartValues::try_renumbering(std::size_t v) {
+  const Board& board = problem_.board;
+  const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
+  const Rigid X_SP = X_SR_[imager] * X_RP_[static_cast<std::size_t>(problem_.view_pose[v])];
+  constexpr int kShiftMax = 4;
+  double best = std::numeric_limits<double>::infinity();
+  std::vector<Corner> best_corners;
+  std::string best_text;
+  for (const bool turned : {false, true})
+    for (int dr = -kShiftMax; dr <= kShiftMax; ++dr)
+      for (int dc = -kShiftMax; dc <= kShiftMax; ++dc) {
+        std::vector<Corner> corners;
+        for (const Corner& corner : problem_.views[v].corners) {
+          int row = corner.id / board.columns + dr, column = corner.id % board.columns + dc;
+          if (turned) row = board.rows - 1 - row, column = board.columns - 1 - column;
+          if (row < 0 || row >= board.rows || column < 0 || column >= board.columns) continue;
+          corners.push_back({row * board.columns + column, corner.pixel});
+        }
+        if (corners.size() * 2 < problem_.views[v].corners.size()) continue;
+        const double error = view_rms(problem_, v, X_SP, corners);
+        if (error >= best) continue;
+        best = error;
+        best_corners = std::move(corners);
+        best_text = fmt::format("{}shifted by {} rows and {} columns",
+                                turned ? "turned by 180 degrees and " : "", dr, dc);
+      }
+  constexpr double kAgreesPx = 5;
+  if (best > kAgreesPx) return false;
+  View& view = problem_.views[v];
+  problem_.remarks.push_back(
+      fmt::format("{} {}: the corner IDs are {} against the other views; they were corrected",
+                  view.imager, view.image.empty() ? view.pose : view.image, best_text));
+  view.corners = std::move(best_corners);
+  return true;
+}
+
+void StartValues::repair_shifted_views() {
+  constexpr double kWrongPx = 10;
+  std::vector<bool> keep(problem_.views.size(), true);
+  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
+    const auto pose = static_cast<std::size_t>(problem_.view_pose[v]);
+    if (!imager_known_[imager] || !pose_known_[pose]) {
+      keep[v] = false;
+      problem_.remarks.push_back(fmt::format(
+          "{} {}: too few corners agree with a flat board; the view was left out",
+          problem_.views[v].imager,
+          problem_.views[v].image.empty() ? problem_.views[v].pose : problem_.views[v].image));
+      continue;
+    }
+    if (view_rms(problem_, v, X_SR_[imager] * X_RP_[pose], problem_.views[v].corners) < kWrongPx)
+      continue;
+    if (try_renumbering(v)) continue;
+    keep[v] = false;
+    problem_.remarks.push_back(fmt::format(
+        "{} {}: it contradicts the other views of its board pose; it was left out (was the board "
+        "or a camera moved?)",
+        problem_.views[v].imager,
+        problem_.views[v].image.empty() ? problem_.views[v].pose : problem_.views[v].image));
+  }
+  for (std::size_t v = problem_.views.size(); v-- > 0;) {
+    if (keep[v]) continue;
+    const auto at = static_cast<std::ptrdiff_t>(v);
+    problem_.views.erase(problem_.views.begin() + at);
+    problem_.view_imager.erase(problem_.view_imager.begin() + at);
+    problem_.view_pose.erase(problem_.view_pose.begin() + at);
+  }
+}
+
+Result<void> StartValues::express_in_reference() {
+  std::vector<int> seen_by(problem_.pose_names.size(), 0);
+  std::vector<int> views_of(problem_.imagers.size(), 0);
+  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    ++seen_by[static_cast<std::size_t>(problem_.view_pose[v])];
+    ++views_of[static_cast<std::size_t>(problem_.view_imager[v])];
+  }
+  for (std::size_t i = 0; i < views_of.size(); ++i)
+    if (views_of[i] == 0)
+      return fail(
+          fmt::format("{}: no view of it can be used; photograph the board with it and at "
+                      "least one other imager at once",
+                      problem_.imagers[i].name));
+  const auto reference =
+      static_cast<std::size_t>(std::max_element(seen_by.begin(), seen_by.end()) - seen_by.begin());
+  problem_.reference_pose = static_cast<int>(reference);
+  const Rigid X_RB = X_RP_[reference];
+  problem_.X_SB.clear();
+  for (const Rigid& X_SR : X_SR_) problem_.X_SB.push_back(X_SR * X_RB);
+  problem_.X_BP.clear();
+  for (const Rigid& X_RP : X_RP_) problem_.X_BP.push_back(X_RB.inverse() * X_RP);
+  problem_.X_BP[reference] = Rigid{};
+  return {};
+}
+
+}  // namespace
+
+Rigid to_rigid(const Eigen::Vector3d& rotation_vector, const Eigen::Vector3d& position) {
+  const double angle = rotation_vector.norm();
+  Rigid X;
+  if (angle > 1e-15)
+    X.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(angle, rotation_vector / angle));
+  X.position = position;
+  return X;
+}
+
+Eigen::Vector3d rotation_vector(const Rigid& X) {
+  const Eigen::AngleAxisd turn(X.rotation);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Vector2d reproject(const Problem& problem, int imager, const Rigid& X_SP, int id) {
+  const auto pixel =
+      project(problem.cameras[static_cast<std::size_t>(imager)], X_SP * problem.board.point(id));
+  return pixel.value_or(Eigen::Vector2d(1e6, 1e6));
+}
+
+Result<void> find_start_values(Problem& problem) {
+  return StartValues(problem).find();
+}
+
+std::string describe_groups(const Problem& problem) {
+  const std::size_t n = problem.imagers.size();
+  std::vector<std::size_t> parent(n);
+  std::iota(parent.begin(), parent.end(), std::size_t{0});
+  const auto root = [&](std::size_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
+  std::map<int, std::size_t> first_of_pose;
+  for (std::size_t v = 0; v < problem.views.size(); ++v) {
+    const auto imager = static_cast<std::size_t>(problem.view_imager[v]);
+    const auto [it, is_new] = first_of_pose.try_emplace(problem.view_pose[v], imager);
+    if (!is_new) parent[root(imager)] = root(it->second);
+  }
+  std::map<std::size_t, std::string> groups;
+  for (std::size_t i = 0; i < n; ++i) {
+    std::string& text = groups[root(i)];
+    text += (text.empty() ? "" : ", ") + problem.imagers[i].name;
+  }
+  if (groups.size() < 2) return {};
+  std::string text;
+  for (const auto& [key, names] : groups)
+    text += fmt::format("{}[{}]", text.empty() ? "" : " and ", names);
+  return text;
+}
+
+}  // namespace wagonsight::calibration
