@@ -15,6 +15,7 @@ Result<void> run_detect(const DetectArguments& arguments);
 
 struct SolveArguments {
   std::string observations, sensors, out;
+  bool keep_all = false;
 };
 Result<void> run_solve(const SolveArguments& arguments);
 

@@ -33,6 +33,9 @@ int main(int argc, char** argv) {
   solve_command->add_option("--sensors", solve.sensors, "SENSORS.toml")->required();
   solve_command->add_option("--out", solve.out, "SOLUTION.json")->required();
 
+  solve_command->add_flag("--keep-all", solve.keep_all,
+                          "leave no corner out, however badly it fits");
+
   GeoreferenceArguments georeference;
   auto* georeference_command = app.add_subcommand(
       "georeference", "fit the similarity transform from the board to the world");

@@ -44,7 +44,9 @@ Result<void> run_solve(const SolveArguments& arguments) {
   if (!sensors_text) return fail(sensors_text.error().message);
   const auto sensors = parse_sensors(*sensors_text, arguments.sensors);
   if (!sensors) return fail(sensors.error().message);
-  const auto solution = solve(*observations, *sensors);
+  SolveOptions options;
+  if (arguments.keep_all) options.reject_sigmas = 0;
+  const auto solution = solve(*observations, *sensors, options);
   if (!solution) return fail(solution.error().message);
   print_imagers(*solution);
   for (const std::string& remark : solution->remarks) fmt::print("{}\n", remark);

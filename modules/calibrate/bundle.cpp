@@ -282,6 +282,7 @@ Result<void> adjust(Problem& problem, double robust_px, double reject_sigmas, in
                     std::vector<double>& imager_sigma_px) {
   imager_sigma_px.assign(problem.imagers.size(), 1.0);
   if (auto ran = run(problem, imager_sigma_px, robust_px, iterations_max); !ran) return ran;
+  if (reject_sigmas <= 0) return run(problem, imager_sigma_px, 0, iterations_max);
   // Twice: the first rejection uses a noise that the gross errors themselves still widen.
   for (int round = 0; round < 2; ++round) {
     imager_sigma_px = robust_sigmas(problem);
@@ -317,12 +318,18 @@ Result<Adjustment> covariances(Problem& problem, const std::vector<double>& imag
   for (std::size_t e = 0; e < estimated.size(); ++e)
     where[static_cast<std::size_t>(estimated[e])] = static_cast<int>(e);
   const Eigen::MatrixXd N = normal.N(estimated, estimated);
-  const Eigen::LDLT<Eigen::MatrixXd> factor(N);
-  if (factor.info() != Eigen::Success || factor.rcond() < 1e-18)
+  // Scaled to a unit diagonal, so that metres, pixels and distortion coefficients weigh alike.
+  const Eigen::VectorXd scale = N.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * N * scale.asDiagonal());
+  constexpr double kSingular = 1e-14;
+  if (factor.info() != Eigen::Success || factor.rcond() < kSingular)
     return fail(
         "the views do not determine every camera: the normal matrix is singular; add views "
         "with the board tilted and shared between cameras");
-  Eigen::MatrixXd C = factor.solve(Eigen::MatrixXd::Identity(N.rows(), N.cols()));
+  const auto solve_scaled = [&](const Eigen::MatrixXd& right) -> Eigen::MatrixXd {
+    return scale.asDiagonal() * factor.solve(scale.asDiagonal() * right);
+  };
+  Eigen::MatrixXd C = solve_scaled(Eigen::MatrixXd::Identity(N.rows(), N.cols()));
   // What remains of the scale of the noise, after weighing each imager by its own.
   double sum = 0;
   Eigen::Index used = 0;
@@ -337,7 +344,7 @@ Result<Adjustment> covariances(Problem& problem, const std::vector<double>& imag
   C *= variance_factor;
   if (!held.empty()) {
     // Held parameters are wrong by their stated sigma and pull the estimate by N^-1 N_held.
-    const Eigen::MatrixXd pull = factor.solve(normal.N(estimated, held));
+    const Eigen::MatrixXd pull = solve_scaled(normal.N(estimated, held));
     C += pull *
          Eigen::Map<const Eigen::VectorXd>(held_variance.data(),
                                            static_cast<Eigen::Index>(held.size()))

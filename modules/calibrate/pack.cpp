@@ -94,7 +94,7 @@ Result<Rig> to_rig(const Solution& solution) {
       sensor.noise.quantisation_per_z2 = 1.0 / (focal * sensor.stereo.baseline * 16);
       sensor.noise.c = 0.25 / (focal * sensor.stereo.baseline);
     }
-    sensor.name = name;
+    sensor.name = std::string_view(name);
     sensor.X_WS.rotation = (X_WB.rotation * sensor.X_BS.rotation).normalized();
     sensor.X_WS.position = X_WB * sensor.X_BS.position;
     sensor.rms_px = imager.rms_px;

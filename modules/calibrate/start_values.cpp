@@ -38,7 +38,8 @@ std::vector<Corner> consistent_corners(const Board& board, const View& view) {
     on_board.emplace_back(p.x(), p.y());
     in_image.emplace_back(corner.pixel.x(), corner.pixel.y());
   }
-  constexpr double kDistortedPx = 6;  // a homography knows no distortion
+  if (view.corners.size() < 4) return {};  // fewer fix no homography
+  constexpr double kDistortedPx = 6;       // a homography knows no distortion
   std::vector<unsigned char> inlier;
   cv::setRNGSeed(0);
   const cv::Mat H = cv::findHomography(on_board, in_image, cv::RANSAC, kDistortedPx, inlier);
@@ -171,7 +172,6 @@ class StartValues {
       if (auto started = start_camera(problem_, i); !started) return started;
     for (std::size_t v = 0; v < problem_.views.size(); ++v)
       resections_.push_back(resect(problem_, problem_.view_imager[v], problem_.views[v]));
-    drop_mirrored_views();
     walk_the_graph();
     place_boards();
     repair_shifted_views();
@@ -182,8 +182,6 @@ class StartValues {
   int imager_count() const { return static_cast<int>(problem_.imagers.size()); }
   const std::vector<Rigid>& candidates(std::size_t view) const { return resections_[view].X_SP; }
 
-  // A board looked at from its front shows all its views with the same orientation.
-  void drop_mirrored_views();
   void walk_the_graph();
   void place_boards();
   void repair_shifted_views();
@@ -198,43 +196,6 @@ class StartValues {
   std::vector<Rigid> X_RP_;  // board pose in the root imager
   std::vector<bool> pose_known_;
 };
-
-int orientation(const Board& board, const View& view) {
-  // Sign of the area map from the board to the image, by least squares of an affine map.
-  Eigen::Matrix2d cross = Eigen::Matrix2d::Zero(), scatter = Eigen::Matrix2d::Zero();
-  Eigen::Vector2d mean_b = Eigen::Vector2d::Zero(), mean_i = Eigen::Vector2d::Zero();
-  const double n = static_cast<double>(view.corners.size());
-  for (const Corner& c : view.corners) {
-    mean_b += board.point(c.id).head<2>() / n;
-    mean_i += c.pixel / n;
-  }
-  for (const Corner& c : view.corners) {
-    const Eigen::Vector2d b = board.point(c.id).head<2>() - mean_b;
-    cross += (c.pixel - mean_i) * b.transpose();
-    scatter += b * b.transpose();
-  }
-  const double determinant = cross.determinant() * scatter.determinant();
-  return determinant > 0 ? 1 : -1;
-}
-
-void StartValues::drop_mirrored_views() {
-  int balance = 0;
-  for (const View& view : problem_.views) balance += orientation(problem_.board, view);
-  const int usual = balance >= 0 ? 1 : -1;
-  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
-    View& view = problem_.views[v];
-    if (orientation(problem_.board, view) == usual) continue;
-    for (Corner& corner : view.corners) {
-      const int row = corner.id / problem_.board.columns,
-                column = corner.id % problem_.board.columns;
-      corner.id = row * problem_.board.columns + (problem_.board.columns - 1 - column);
-    }
-    problem_.remarks.push_back(fmt::format(
-        "{} {}: the corner IDs are mirrored against the other views; they were turned round",
-        view.imager, view.image.empty() ? view.pose : view.image));
-    resections_[v] = resect(problem_, problem_.view_imager[v], view);
-  }
-}
 
 void StartValues::walk_the_graph() {
   const auto n = static_cast<std::size_t>(imager_count());
@@ -340,6 +301,36 @@ double view_rms(const Problem& problem, std::size_t v, const Rigid& X_SP,
   return *middle;
 }
 
+// What somebody who clicks, or a detector that cannot tell a board's ends apart, gets wrong.
+struct Renumbering {
+  bool mirrored, turned;
+  int row_shift, column_shift;
+};
+
+std::vector<Corner> renumbered(const Board& board, const std::vector<Corner>& corners,
+                               const Renumbering& how) {
+  std::vector<Corner> result;
+  for (const Corner& corner : corners) {
+    int row = corner.id / board.columns + how.row_shift;
+    int column = corner.id % board.columns + how.column_shift;
+    if (how.mirrored) column = board.columns - 1 - column;
+    if (how.turned) row = board.rows - 1 - row, column = board.columns - 1 - column;
+    if (row < 0 || row >= board.rows || column < 0 || column >= board.columns) continue;
+    result.push_back({row * board.columns + column, corner.pixel});
+  }
+  return result;
+}
+
+std::string describe(const Renumbering& how) {
+  std::string text;
+  if (how.mirrored) text += "mirrored";
+  if (how.turned) text += std::string(text.empty() ? "" : ", ") + "turned by 180 degrees";
+  if (how.row_shift != 0 || how.column_shift != 0)
+    text += fmt::format("{}shifted by {} rows and {} columns", text.empty() ? "" : ", ",
+                        how.row_shift, how.column_shift);
+  return text;
+}
+
 bool StartValues::try_renumbering(std::size_t v) {
   const Board& board = problem_.board;
   const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
@@ -348,24 +339,21 @@ bool StartValues::try_renumbering(std::size_t v) {
   double best = std::numeric_limits<double>::infinity();
   std::vector<Corner> best_corners;
   std::string best_text;
-  for (const bool turned : {false, true})
-    for (int dr = -kShiftMax; dr <= kShiftMax; ++dr)
-      for (int dc = -kShiftMax; dc <= kShiftMax; ++dc) {
-        std::vector<Corner> corners;
-        for (const Corner& corner : problem_.views[v].corners) {
-          int row = corner.id / board.columns + dr, column = corner.id % board.columns + dc;
-          if (turned) row = board.rows - 1 - row, column = board.columns - 1 - column;
-          if (row < 0 || row >= board.rows || column < 0 || column >= board.columns) continue;
-          corners.push_back({row * board.columns + column, corner.pixel});
+  // A board that is seen from behind is mirrored too, and rightly so: only a view that contradicts
+  // the others gets here.
+  for (const bool mirrored : {false, true})
+    for (const bool turned : {false, true})
+      for (int dr = -kShiftMax; dr <= kShiftMax; ++dr)
+        for (int dc = -kShiftMax; dc <= kShiftMax; ++dc) {
+          const Renumbering renumbering{mirrored, turned, dr, dc};
+          std::vector<Corner> corners = renumbered(board, problem_.views[v].corners, renumbering);
+          if (corners.size() * 2 < problem_.views[v].corners.size()) continue;
+          const double error = view_rms(problem_, v, X_SP, corners);
+          if (error >= best) continue;
+          best = error;
+          best_corners = std::move(corners);
+          best_text = describe(renumbering);
         }
-        if (corners.size() * 2 < problem_.views[v].corners.size()) continue;
-        const double error = view_rms(problem_, v, X_SP, corners);
-        if (error >= best) continue;
-        best = error;
-        best_corners = std::move(corners);
-        best_text = fmt::format("{}shifted by {} rows and {} columns",
-                                turned ? "turned by 180 degrees and " : "", dr, dc);
-      }
   constexpr double kAgreesPx = 5;
   if (best > kAgreesPx) return false;
   View& view = problem_.views[v];
