@@ -12,7 +12,7 @@
 #include "calibrate/board_file.h"
 #include "calibrate/observations.h"
 #include "commands.h"
-#include "files.h"
+#include "linux/files.h"
 
 namespace wagonsight {
 namespace {
@@ -72,7 +72,7 @@ void settle_orientation(std::vector<Corner>& corners, const Board& board) {
 }  // namespace
 
 Result<void> run_detect(const DetectArguments& arguments) {
-  const auto text = read_text(arguments.board);
+  const auto text = read_file(arguments.board, kFileBytesMax);
   if (!text) return fail(text.error().message);
   const auto board = parse_board_file(*text, arguments.board);
   if (!board) return fail(board.error().message);
@@ -113,7 +113,7 @@ Result<void> run_detect(const DetectArguments& arguments) {
   if (observations.views.empty())
     return fail(fmt::format("{}: no image shows the {} x {} board", arguments.images, board->rows,
                             board->columns));
-  return write_text(arguments.out, format_observations(observations));
+  return write_file_durably(arguments.out, bytes_of(format_observations(observations)));
 }
 
 }  // namespace wagonsight

@@ -6,8 +6,8 @@
 #include "calibrate/pack.h"
 #include "calibrate/solve.h"
 #include "commands.h"
-#include "files.h"
 #include "geometry/angles.h"
+#include "linux/files.h"
 #include "rig/blob.h"
 
 namespace wagonsight {
@@ -28,7 +28,7 @@ void print_imagers(const Solution& solution) {
 }
 
 Result<Solution> read_solution(const std::string& path) {
-  const auto text = read_text(path);
+  const auto text = read_file(path, kFileBytesMax);
   if (!text) return fail(text.error().message);
   return parse_solution(*text, path);
 }
@@ -36,11 +36,11 @@ Result<Solution> read_solution(const std::string& path) {
 }  // namespace
 
 Result<void> run_solve(const SolveArguments& arguments) {
-  const auto observations_text = read_text(arguments.observations);
+  const auto observations_text = read_file(arguments.observations, kFileBytesMax);
   if (!observations_text) return fail(observations_text.error().message);
   const auto observations = parse_observations(*observations_text, arguments.observations);
   if (!observations) return fail(observations.error().message);
-  const auto sensors_text = read_text(arguments.sensors);
+  const auto sensors_text = read_file(arguments.sensors, kFileBytesMax);
   if (!sensors_text) return fail(sensors_text.error().message);
   const auto sensors = parse_sensors(*sensors_text, arguments.sensors);
   if (!sensors) return fail(sensors.error().message);
@@ -50,13 +50,13 @@ Result<void> run_solve(const SolveArguments& arguments) {
   if (!solution) return fail(solution.error().message);
   print_imagers(*solution);
   for (const std::string& remark : solution->remarks) fmt::print("{}\n", remark);
-  return write_text(arguments.out, format_solution(*solution));
+  return write_file_durably(arguments.out, bytes_of(format_solution(*solution)));
 }
 
 Result<void> run_georeference(const GeoreferenceArguments& arguments) {
   auto solution = read_solution(arguments.solution);
   if (!solution) return fail(solution.error().message);
-  const auto text = read_text(arguments.targets);
+  const auto text = read_file(arguments.targets, kFileBytesMax);
   if (!text) return fail(text.error().message);
   const auto targets = parse_targets(*text, arguments.targets);
   if (!targets) return fail(targets.error().message);
@@ -70,7 +70,7 @@ Result<void> run_georeference(const GeoreferenceArguments& arguments) {
       angles.phi * kDegrees, angles.kappa * kDegrees, geo.X_WB.scale);
   for (std::size_t i = 0; i < geo.targets.size(); ++i)
     fmt::print("target {}: {:.1f} mm off\n", geo.targets[i], geo.residuals_m[i].norm() * 1e3);
-  return write_text(arguments.out, format_solution(*solution));
+  return write_file_durably(arguments.out, bytes_of(format_solution(*solution)));
 }
 
 Result<void> run_pack(const PackArguments& arguments) {
@@ -78,7 +78,7 @@ Result<void> run_pack(const PackArguments& arguments) {
   if (!solution) return fail(solution.error().message);
   const auto rig = to_rig(*solution);
   if (!rig) return fail(rig.error().message);
-  return write_bytes(arguments.out, pack_blob(*rig));
+  return write_file_durably(arguments.out, pack_blob(*rig));
 }
 
 }  // namespace wagonsight
