@@ -18,8 +18,7 @@ class FixedString {
 
   constexpr void assign(std::string_view text) {
     size_ = std::min(text.size(), N);
-    std::copy_n(text.begin(), size_, bytes_.begin());
-    std::fill(bytes_.begin() + static_cast<std::ptrdiff_t>(size_), bytes_.end(), '\0');
+    for (std::size_t i = 0; i < N; ++i) bytes_[i] = i < size_ ? text[i] : '\0';
   }
   constexpr std::string_view view() const { return {bytes_.data(), size_}; }
   constexpr operator std::string_view() const { return view(); }  // NOLINT

@@ -7,6 +7,9 @@
 #include <random>
 #include <vector>
 
+#include "capture/clock_fit.h"
+#include "linux/sealed_heap.h"
+
 namespace wagonsight {
 namespace {
 
@@ -292,6 +295,33 @@ TEST(FrameSetBuilder, GivesTheSameSetsEveryTime) {
   first.run(sent);
   second.run(sent);
   EXPECT_EQ(first.outcomes(), second.outcomes());
+}
+
+TEST(FrameSetBuilder, NeverAllocates) {
+  if (!allocations_are_seen()) GTEST_SKIP() << "this sanitizer hides allocations";
+  const auto sent = play({{.jitter_ms = 3, .latency_jitter_ms = 90, .drop_rate = 0.05},
+                          {.phase_ms = 16, .latency_jitter_ms = 60, .from_s = 2, .until_s = 9},
+                          {.rate_hz = 12, .drop_rate = 0.2}},
+                         20);
+  FramePool pool(64, 64);
+  const double rates[] = {30.0, 30.0, 15.0};
+  FrameSetBuilder builder(pool, rates, {.tick_when_silent = true});
+  ClockFit fit({1e9, {}, 500});
+  FrameSet set;
+  const std::uint64_t before = thread_allocations();
+  for (const Sent& frame : sent) {
+    FrameSlot* slot = pool.acquire();
+    slot->sensor_index = frame.sensor_index;
+    slot->instant = frame.instant;
+    slot->arrival = frame.arrival;
+    fit.observe(static_cast<std::uint64_t>(frame.instant.time_since_epoch().count()),
+                frame.arrival);
+    builder.add(slot);
+    while (builder.next(frame.arrival, set)) {
+    }
+  }
+  EXPECT_EQ(thread_allocations(), before);
+  EXPECT_GT(builder.set_count(), 500U);
 }
 
 // Whatever devices do, no frame is counted twice and none disappears.

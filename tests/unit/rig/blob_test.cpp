@@ -138,7 +138,8 @@ TEST(Blob, IsRefusedWhenCutShortOrAppendedTo) {
   auto bytes = pack_blob(test::sample_rig());
   bytes.push_back(std::byte{0});
   EXPECT_THAT(refusal(bytes), HasSubstr("cut short or appended to"));
-  bytes.resize(bytes.size() - 2);
+  bytes.pop_back();
+  bytes.pop_back();
   EXPECT_THAT(refusal(bytes), HasSubstr("cut short or appended to"));
 }
 
