@@ -60,7 +60,8 @@ void Tracking::run() {
   while (!stop_.load(std::memory_order_acquire)) {
     bell_.wait(kWait);
     take_frames();
-    while (builder_.next(host_now(), set)) {
+    // A computer that does not keep up always has a next instant; it must stop nevertheless.
+    while (!stop_.load(std::memory_order_acquire) && builder_.next(host_now(), set)) {
       if (host_now() - set.instant > kBacklogMax) {
         ++now_->framesets_dropped;
       } else {

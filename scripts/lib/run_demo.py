@@ -106,7 +106,8 @@ def main():
     options = parser.parse_args()
     # Whoever ends the demo ends the daemon, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    daemon = subprocess.Popen([DAEMON, "--config", settings_with_port(options.port)])
+    daemon = subprocess.Popen([DAEMON, "--config", settings_with_port(options.port)],
+                              stdout=subprocess.DEVNULL)  # its address is told once it answers
     try:
         wait_until_ready(daemon, options.port)
         if options.seconds > 0:
