@@ -299,8 +299,13 @@ void Actor::begin(const SceneAct& act, const Stage& stage) {
 void Actor::tick(double now, double dt, const Stage& stage) {
   while (motion_ >= motions_.size()) {
     door_in_use_ = -1;
+    const double repeat_s = stage.scene->repeat_s;
+    if (repeat_s > 0 && !passenger_->acts.empty() && next_act_ == passenger_->acts.size()) {
+      next_act_ = 0;
+      round_began_ += repeat_s;
+    }
     const bool acts_left = next_act_ < passenger_->acts.size();
-    if (acts_left && passenger_->acts[next_act_].at <= now) {
+    if (acts_left && round_began_ + passenger_->acts[next_act_].at <= now) {
       begin(passenger_->acts[next_act_], stage);
       ++next_act_;
       continue;

@@ -137,6 +137,7 @@ class Actor {
   double patience_ = 0;  // seconds it has been held up
   double squeeze_ = 0;   // seconds for which it pushes through
   std::size_t next_act_ = 0;
+  double round_began_ = 0;  // when the scene began, the last time
   FixedVector<Motion, 24> motions_;
   std::size_t motion_ = 0;
   bool started_ = false;  // of the running motion

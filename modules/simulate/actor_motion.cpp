@@ -183,9 +183,14 @@ void Actor::handle_item(const Motion& motion, const Stage& stage) {
   }
   const bool pram = motion.index == 1;
   bool& carried = pram ? pose_.pram : pose_.bag;
-  if (!carried || stage.items->full()) return;
+  if (!carried) return;
+  // A place in the list that has become free is used again.
+  StandingItems& items = *stage.items;
+  std::size_t place = 0;
+  while (place < items.size() && items[place].there) ++place;
+  if (place == items.size() && !items.try_push_back({})) return;
   carried = false;
-  StandingItem item;
+  StandingItem& item = items[place];
   const SceneAct& act = passenger_->acts[next_act_ - 1];
   item.name.assign(act.item);
   item.pram = pram;
@@ -196,7 +201,6 @@ void Actor::handle_item(const Motion& motion, const Stage& stage) {
   item.position.y() = std::clamp(item.position.y(), 0.25, stage.scene->width - 0.25);
   item.yaw = pose_.yaw;
   item.owner = static_cast<std::int32_t>(index_);
-  stage.items->push_back(item);
 }
 
 // Standing up, rising and bending: what ends where it began, upright or bent.

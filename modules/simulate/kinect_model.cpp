@@ -28,6 +28,7 @@ const SceneLight& light_at(const Scene& scene, std::size_t index) {
 
 // 0: before the first [[light]]; otherwise its index + 1.
 std::size_t light_index_at(const Scene& scene, double seconds) {
+  seconds = time_in(scene, seconds);
   std::size_t index = 0;
   while (index < scene.lights.size() && scene.lights[index].at <= seconds) ++index;
   return index;
@@ -84,6 +85,7 @@ KinectModel::KinectModel(const Scene& scene, std::size_t sensor, std::uint64_t s
 }
 
 double KinectModel::moved_at(double seconds) const {
+  seconds = time_in(*scene_, seconds);
   double moved = 0;
   for (const SceneFault& fault : scene_->faults)
     if (fault.kind == FaultKind::kMoved && fault.sensor == static_cast<int>(sensor_) &&

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <numbers>
 
@@ -250,6 +251,10 @@ void read_faults(SceneReader& root, Scene& scene) {
 
 }  // namespace
 
+double time_in(const Scene& scene, double seconds) {
+  return scene.repeat_s > 0 ? std::fmod(seconds, scene.repeat_s) : seconds;
+}
+
 Result<Scene> parse_scene(std::string_view text, std::string_view file_name) {
   toml::parse_result parsed = toml::parse(text);
   if (!parsed) {
@@ -260,6 +265,8 @@ Result<Scene> parse_scene(std::string_view text, std::string_view file_name) {
   std::optional<Error> error;
   SceneReader root(parsed.table(), "", file_name, error);
   Scene scene;
+  scene.repeat_s = root.number("repeat", 1, 1e7, 1.0);
+  if (!root.has("repeat")) scene.repeat_s = 0;
   read_wagon(root, scene);
   read_seats(root, scene);
   read_doors(root, scene);

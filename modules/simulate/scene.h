@@ -99,6 +99,9 @@ struct SceneFault {
 };
 
 struct Scene {
+  // Acts, lights and faults begin again after so many seconds; 0: never. Passengers go on from
+  // where they are.
+  double repeat_s = 0;
   double length = 6.0, width = 2.7, height = 2.4;
   std::vector<SceneSeat> seats;
   std::vector<SceneDoor> doors;
@@ -109,6 +112,9 @@ struct Scene {
   std::vector<SceneLight> lights;  // by time
   std::vector<SceneFault> faults;
 };
+
+// Seconds since the scene began, the last time that it did.
+double time_in(const Scene& scene, double seconds);
 
 // Reads a scene from TOML text. `file_name` is only told in errors, which read
 // "FILE:LINE: KEY = VALUE: RULE". Unknown keys are errors. Allocates; for start-up.

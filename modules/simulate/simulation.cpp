@@ -37,9 +37,10 @@ FrameTiming FrameClock::next() {
   const double chance = uniform(mixed(seed_, 2, timing.sequence));
   double delay = kTransport - 0.0004 * std::log(1 - chance);  // mostly prompt, sometimes not
   double loss = sensor.drop_rate;
+  const double seconds = time_in(*scene_, taken);
   for (const SceneFault& fault : scene_->faults) {
     if (fault.sensor != static_cast<int>(sensor_)) continue;
-    if (taken < fault.at || taken >= fault.at + fault.for_s) continue;
+    if (seconds < fault.at || seconds >= fault.at + fault.for_s) continue;
     if (fault.kind == FaultKind::kUnplug) loss = 1;
     if (fault.kind == FaultKind::kLate) delay += fault.amount;
     if (fault.kind == FaultKind::kLoss) loss = std::max(loss, fault.amount);

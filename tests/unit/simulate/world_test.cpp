@@ -252,6 +252,44 @@ TEST(WorldTest, NobodyWalksThroughSeatsOrOthers) {
   EXPECT_LT(close, pairs / 200);
 }
 
+TEST(WorldTest, ASceneThatRepeatsBeginsAgain) {
+  const std::string text = "repeat = 20\n" + kRoom + R"([[passenger]]
+name = "A"
+carries = ["bag"]
+[[passenger.do]]
+at = 1
+act = "enter"
+[[passenger.do]]
+at = 6
+act = "put"
+[[passenger.do]]
+at = 9
+act = "take"
+[[passenger.do]]
+at = 12
+act = "leave"
+)";
+  World world(*parse_scene(text, "repeat.toml"), 3);
+  PeopleFrame truth;
+  for (int round = 0; round < 5; ++round) {
+    const auto people_at = [&](double t) {
+      world.truth_at(HostTime(from_seconds(20.0 * round + t)), truth);
+      return truth.people.size();
+    };
+    const auto bag_at = [&](double t) {
+      for (const StandingItem& item : world.items_at(HostTime(from_seconds(20.0 * round + t))))
+        if (item.there) return true;
+      return false;
+    };
+    EXPECT_EQ(people_at(0.5), 0U);
+    EXPECT_EQ(people_at(5), 1U);
+    EXPECT_FALSE(bag_at(5.5));
+    EXPECT_TRUE(bag_at(8.5));
+    EXPECT_FALSE(bag_at(11.9));
+    EXPECT_EQ(people_at(18), 0U);
+  }
+}
+
 TEST(WorldTest, VelocityIsThatOfThePosition) {
   Play play(R"([[passenger]]
 name = "A"
