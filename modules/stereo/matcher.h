@@ -53,8 +53,8 @@ class StereoMatcher {
   void match(const GrayImage& left, const GrayImage& right, ImageView<std::int16_t> disparity);
 
   // As match(), but writes only inside of `regions`, which are widened by context_px() on every
-  // side for the computation. What lies elsewhere in `disparity` is kept; islands are not searched
-  // across a region's border.
+  // side for the computation. What lies elsewhere in `disparity` is kept; an island that
+  // touches a region's border is not taken for a small one.
   void match_regions(const GrayImage& left, const GrayImage& right,
                      std::span<const PixelRect> regions, ImageView<std::int16_t> disparity);
 

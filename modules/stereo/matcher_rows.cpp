@@ -227,7 +227,8 @@ void StereoMatcher::smooth_and_write(const PixelRect& inner, ImageView<std::int1
       std::copy_n(result_row(y), width, smooth);
   }
   const ImageView<std::int16_t> view{smooth_.data(), width, height};
-  speckle_.apply(view, options_.speckle_pixels, options_.speckle_difference * kDisparityScale);
+  speckle_.apply(view, options_.speckle_pixels, options_.speckle_difference * kDisparityScale,
+                 {rect_.x0 > 0, rect_.y0 > 0, rect_.x1 < width_, rect_.y1 < height_});
   for (int y = inner.y0; y < inner.y1; ++y)
     std::copy_n(view.pixels + view.index(inner.x0 - rect_.x0, y - rect_.y0), inner.x1 - inner.x0,
                 disparity.pixels + disparity.index(inner.x0, y));

@@ -70,7 +70,8 @@ void SpeckleFilter::join_rows(const std::int16_t* upper, const std::int16_t* low
   }
 }
 
-void SpeckleFilter::apply(ImageView<std::int16_t> disparity, int pixels_min, int difference_max) {
+void SpeckleFilter::apply(ImageView<std::int16_t> disparity, int pixels_min, int difference_max,
+                          const OpenEdges& open) {
   WS_CHECK(disparity.width <= width_max_ && disparity.height <= height_max_, "%d x %d of %d x %d",
            disparity.width, disparity.height, width_max_, height_max_);
   if (pixels_min <= 1) return;
@@ -80,6 +81,12 @@ void SpeckleFilter::apply(ImageView<std::int16_t> disparity, int pixels_min, int
     const std::int16_t* row = disparity.pixels + disparity.index(0, y);
     const std::int32_t before = count;
     count = append_runs(row, disparity.width, difference_max, count);
+    const bool open_row = (y == 0 && open.top) || (y + 1 == disparity.height && open.bottom);
+    for (std::int32_t run = before; run < count; ++run) {
+      Run& r = runs_[static_cast<std::size_t>(run)];
+      if (open_row || (r.begin == 0 && open.left) || (r.end == disparity.width && open.right))
+        r.pixels += pixels_min;
+    }
     if (y > 0)
       join_rows(row - disparity.width, row, row_begin_[static_cast<std::size_t>(y) - 1], before,
                 count, difference_max);

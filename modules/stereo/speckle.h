@@ -12,10 +12,19 @@ namespace wagonsight {
 // invalid. Union-find over runs of a row, in memory allocated at construction.
 class SpeckleFilter {
  public:
+  // Edges of the image beyond which there is more: an island that touches one is not small.
+  struct OpenEdges {
+    bool left = false, top = false, right = false, bottom = false;
+  };
+
   SpeckleFilter(int width_max, int height_max);
 
   // Negative disparities are invalid and belong to no region. One thread at a time.
-  void apply(ImageView<std::int16_t> disparity, int pixels_min, int difference_max);
+  void apply(ImageView<std::int16_t> disparity, int pixels_min, int difference_max,
+             const OpenEdges& open);
+  void apply(ImageView<std::int16_t> disparity, int pixels_min, int difference_max) {
+    apply(disparity, pixels_min, difference_max, OpenEdges{});
+  }
 
   std::size_t workspace_bytes() const {
     return runs_.size() * sizeof(Run) + row_begin_.size() * sizeof(std::int32_t);

@@ -15,7 +15,8 @@ using stereo_kernels::kNoDisparity;
 using Disparities = std::vector<std::int16_t>;
 
 // The obvious way: flood every region.
-Disparities flooded(const Disparities& in, int width, int height, int pixels_min, int limit) {
+Disparities flooded(const Disparities& in, int width, int height, int pixels_min, int limit,
+                    const SpeckleFilter::OpenEdges& open) {
   Disparities out = in;
   std::vector<bool> seen(in.size());
   for (std::size_t start = 0; start < in.size(); ++start) {
@@ -32,7 +33,13 @@ Disparities flooded(const Disparities& in, int width, int height, int pixels_min
         region.push_back(next);
       }
     }
-    if (static_cast<int>(region.size()) < pixels_min)
+    bool goes_on = false;
+    for (const std::size_t pixel : region) {
+      const int x = static_cast<int>(pixel) % width, y = static_cast<int>(pixel) / width;
+      goes_on = goes_on || (x == 0 && open.left) || (y == 0 && open.top) ||
+                (x == width - 1 && open.right) || (y == height - 1 && open.bottom);
+    }
+    if (!goes_on && static_cast<int>(region.size()) < pixels_min)
       for (const std::size_t pixel : region) out[pixel] = kNoDisparity;
   }
   return out;
@@ -50,9 +57,11 @@ TEST_P(SpeckleSeeds, AgreesWithFlooding) {
   for (auto& d : image)
     d = static_cast<std::int16_t>(between(0, 4) == 0 ? kNoDisparity : between(0, levels) * 50);
   const int pixels_min = between(2, 40), limit = between(0, 120);
-  const Disparities expected = flooded(image, width, height, pixels_min, limit);
+  const auto coin = [&] { return between(0, 3) == 0; };
+  const SpeckleFilter::OpenEdges open{coin(), coin(), coin(), coin()};
+  const Disparities expected = flooded(image, width, height, pixels_min, limit, open);
   SpeckleFilter filter(80, 60);
-  filter.apply({image.data(), width, height}, pixels_min, limit);
+  filter.apply({image.data(), width, height}, pixels_min, limit, open);
   EXPECT_EQ(image, expected) << width << " x " << height;
 }
 
