@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "stereo/census_shape.h"
 #include "stereo/matcher_kernels.h"
@@ -52,11 +53,9 @@ struct Body {
   static void hamming_row(const HammingRow& row) {
     for (int x = 0; x < row.width; ++x) {
       Costs distance = splat(0);
-      for (int p = 0; p < Planes; ++p) {
-        const auto plane = static_cast<std::size_t>(p);
-        const Bytes left =
-            S::splat(row.left[plane * row.left_stride + static_cast<std::size_t>(x)]);
-        const std::uint8_t* right = row.right + plane * row.right_stride - x;
+      for (int plane = 0; plane < Planes; ++plane) {
+        const Bytes left = S::splat(row.left[plane * kPlaneStride + x]);
+        const std::uint8_t* right = row.right + plane * kPlaneStride - x;
         for (std::size_t n = 0; n < N; ++n)
           distance.v[n] = S::add(distance.v[n],
                                  S::bit_count(S::exclusive_or(left, S::load(right + n * kVector))));
@@ -302,26 +301,51 @@ struct Body {
 
 template <class S>
 struct KernelSet {
-  static constexpr NeighbourList kNarrow = census_neighbours(CensusShape::kNarrow);
-  static constexpr NeighbourList kWide = census_neighbours(CensusShape::kWide);
+  using Bytes = typename S::Bytes;
+  using Words = typename S::Words;
 
-  static void census_row(const CensusRow& row) {
-    const Neighbour* neighbours = row.shape == CensusShape::kNarrow ? kNarrow.of : kWide.of;
-    const int side = row.mirrored ? -1 : 1;
-    for (int x = 0; x < row.width; x += kLanes) {
-      const auto c0 = S::load_words(row.rows[2] + x), c1 = S::load_words(row.rows[2] + x + 16);
-      for (int plane = 0; plane < plane_count(row.shape); ++plane) {
-        auto bits = S::splat(0);
-        for (int k = 4 * plane; k < 4 * plane + 4; ++k) {
-          const std::uint16_t* at = row.rows[neighbours[k].dy + 2] + x + side * neighbours[k].dx;
-          bits = S::add(S::add(bits, bits),
-                        S::below(S::load_words(at), c0, S::load_words(at + 16), c1));
-        }
-        S::store(row.planes + static_cast<std::size_t>(plane) * row.plane_stride +
-                     static_cast<std::size_t>(x),
-                 S::in_order(bits));
-      }
+  // The comparisons of one census shape, each at an offset known to the compiler.
+  template <CensusShape Shape, int Side>
+  struct Census {
+    static constexpr NeighbourList kNeighbours = census_neighbours(Shape);
+    const CensusRow& row;
+    int x;
+    Words centre[2];
+
+    template <std::size_t K>
+    Bytes darker(Bytes bits) const {
+      constexpr Neighbour n = kNeighbours.of[K];
+      const std::uint16_t* at = row.rows[n.dy + 2] + x + Side * n.dx;
+      return S::add(S::add(bits, bits),
+                    S::below(S::load_words(at), centre[0], S::load_words(at + 16), centre[1]));
     }
+    template <std::size_t Plane>
+    void plane() const {
+      const Bytes two = darker<4 * Plane + 1>(darker<4 * Plane>(S::splat(0)));
+      const Bytes four = darker<4 * Plane + 3>(darker<4 * Plane + 2>(two));
+      S::store(row.planes + static_cast<int>(Plane) * kPlaneStride + x, S::in_order(four));
+    }
+    template <std::size_t... Planes>
+    void planes(std::index_sequence<Planes...>) const {
+      (plane<Planes>(), ...);
+    }
+  };
+
+  template <CensusShape Shape, int Side>
+  static void census_row_as(const CensusRow& row) {
+    for (int x = 0; x < row.width; x += kLanes) {
+      const std::uint16_t* centre = row.rows[2] + x;
+      const Census<Shape, Side> census{row, x, {S::load_words(centre), S::load_words(centre + 16)}};
+      census.planes(std::make_index_sequence<static_cast<std::size_t>(plane_count(Shape))>());
+    }
+  }
+  static void census_row(const CensusRow& row) {
+    if (row.shape == CensusShape::kNarrow)
+      row.mirrored ? census_row_as<CensusShape::kNarrow, -1>(row)
+                   : census_row_as<CensusShape::kNarrow, 1>(row);
+    else
+      row.mirrored ? census_row_as<CensusShape::kWide, -1>(row)
+                   : census_row_as<CensusShape::kWide, 1>(row);
   }
 
   static void hamming_row(const HammingRow& row) {
@@ -344,7 +368,6 @@ struct KernelSet {
     WS_STEREO_BY_DISPARITIES(upward_winners, row.disparities, row, out)
   }
 
-  using Words = typename S::Words;
   static void sort_two(Words& a, Words& b) {
     const Words low = S::least_signed(a, b);
     b = S::most_signed(a, b);

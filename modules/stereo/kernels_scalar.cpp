@@ -30,8 +30,7 @@ void census_row(const CensusRow& row) {
         const int dx = row.mirrored ? -n.dx : n.dx;
         bits = bits << 1 | (row.rows[n.dy + 2][x + dx] < centre ? 1U : 0U);
       }
-      row.planes[static_cast<std::size_t>(plane) * row.plane_stride + static_cast<std::size_t>(x)] =
-          static_cast<std::uint8_t>(bits);
+      row.planes[plane * kPlaneStride + x] = static_cast<std::uint8_t>(bits);
     }
   }
 }
@@ -41,9 +40,8 @@ void hamming_row(const HammingRow& row) {
     for (int d = 0; d < row.disparities; ++d) {
       int distance = 0;
       for (int plane = 0; plane < row.planes; ++plane) {
-        const auto p = static_cast<std::size_t>(plane);
-        const unsigned left = row.left[p * row.left_stride + static_cast<std::size_t>(x)];
-        const unsigned right = (row.right + p * row.right_stride)[d - x];
+        const unsigned left = row.left[plane * kPlaneStride + x];
+        const unsigned right = row.right[plane * kPlaneStride + d - x];
         distance += std::popcount(left ^ right);
       }
       row.cost[offset(x, row.disparities) + static_cast<std::size_t>(d)] = saturated(distance);

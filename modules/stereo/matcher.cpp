@@ -27,6 +27,9 @@ Result<void> check(int width, int height, const MatcherOptions& options) {
       static_cast<std::size_t>(width) * static_cast<std::size_t>(height) > kImagePixelsMax)
     return complaint("its images would have " + std::to_string(width) + " x " +
                      std::to_string(height) + " pixels; give 1 to 1920 x 1080");
+  if (width > stereo_kernels::kWidthMax)
+    return complaint("its images would be " + std::to_string(width) +
+                     " pixels wide; give at most " + std::to_string(stereo_kernels::kWidthMax));
   if (options.disparity_count < kLanes || options.disparity_count > kDisparitiesMax ||
       options.disparity_count % kLanes != 0)
     return complaint("disparity_count is " + std::to_string(options.disparity_count) +
@@ -86,36 +89,35 @@ void StereoMatcher::allocate_rows() {
     return static_cast<std::size_t>(count) * stride;
   };
   gray_stride_ = rounded_up(width_ + disparities, kLanes) + 2 * kLanes;
-  plane_stride_ = rounded_up(width_, kLanes);
-  right_plane_stride_ = rounded_up(width_ + disparities, kLanes) + kLanes;
+  row_stride_ = rounded_up(width_, kLanes);
   cost_stride_ = rows_of(width_, static_cast<std::size_t>(disparities));
   result_stride_ = rounded_up(width_, kLanes) + 2 * kLanes;
   ring_rows_ = options_.mode == MatcherMode::kFast ? 1 : kStripRows + kLookAheadRows;
 
   left_gray_ = AlignedArray<std::uint16_t>(rows_of(kGrayRows, gray_stride_));
   right_gray_ = AlignedArray<std::uint16_t>(rows_of(kGrayRows, gray_stride_));
-  guide_ = AlignedArray<std::uint8_t>(rows_of(2, plane_stride_));
-  left_planes_ = AlignedArray<std::uint8_t>(rows_of(stereo_kernels::kPlanesMax, plane_stride_));
-  right_planes_ =
-      AlignedArray<std::uint8_t>(rows_of(stereo_kernels::kPlanesMax, right_plane_stride_));
+  guide_ = AlignedArray<std::uint8_t>(rows_of(2, row_stride_));
+  for (auto* planes : {&left_planes_, &right_planes_})
+    *planes = AlignedArray<std::uint8_t>(
+        rows_of(stereo_kernels::kPlanesMax, stereo_kernels::kPlaneStride));
   raw_ = AlignedArray<std::uint8_t>(rows_of(kRawRows, cost_stride_));
   cost_ = AlignedArray<std::uint8_t>(rows_of(ring_rows_, cost_stride_));
   sum_ = AlignedArray<std::uint8_t>(rows_of(ring_rows_, cost_stride_));
   north_ = AlignedArray<std::uint8_t>(cost_stride_);
-  north_min_ = AlignedArray<std::uint8_t>(plane_stride_);
-  penalty_west_ = AlignedArray<std::uint8_t>(plane_stride_ + 1);
-  penalty_north_ = AlignedArray<std::uint8_t>(rows_of(ring_rows_, plane_stride_));
+  north_min_ = AlignedArray<std::uint8_t>(row_stride_);
+  penalty_west_ = AlignedArray<std::uint8_t>(row_stride_ + 1);
+  penalty_north_ = AlignedArray<std::uint8_t>(rows_of(ring_rows_, row_stride_));
   if (options_.mode == MatcherMode::kAccurate) {
     south_ = AlignedArray<std::uint8_t>(cost_stride_);
-    south_min_ = AlignedArray<std::uint8_t>(plane_stride_);
+    south_min_ = AlignedArray<std::uint8_t>(row_stride_);
   }
   for (auto* row : {&winner_, &winner_cost_, &cost_below_, &cost_above_, &seen_from_right_})
-    *row = AlignedArray<std::uint8_t>(plane_stride_);
-  right_winner_ = AlignedArray<std::uint8_t>(plane_stride_ + kDisparitiesMax);
-  rises_ = AlignedArray<std::uint16_t>(plane_stride_ + 2 * kLanes);
-  flat_ = AlignedArray<std::uint8_t>(rows_of(height_, plane_stride_));
+    *row = AlignedArray<std::uint8_t>(row_stride_);
+  right_winner_ = AlignedArray<std::uint8_t>(row_stride_ + kDisparitiesMax);
+  rises_ = AlignedArray<std::uint16_t>(row_stride_ + 2 * kLanes);
+  flat_ = AlignedArray<std::uint8_t>(rows_of(height_, row_stride_));
   result_ = AlignedArray<std::int16_t>(rows_of(height_, result_stride_));
-  smooth_ = AlignedArray<std::int16_t>(rows_of(height_, plane_stride_) + result_stride_);
+  smooth_ = AlignedArray<std::int16_t>(rows_of(height_, row_stride_) + result_stride_);
 }
 
 std::size_t StereoMatcher::workspace_bytes() const {

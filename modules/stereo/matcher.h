@@ -119,7 +119,7 @@ class StereoMatcher {
   int next_taken_ = 0;  // the next row to take in
   int next_raw_ = 0;    // the next row whose Hamming distances are due
 
-  std::size_t gray_stride_ = 0, plane_stride_ = 0, right_plane_stride_ = 0;
+  std::size_t gray_stride_ = 0, row_stride_ = 0;
   std::size_t cost_stride_ = 0, result_stride_ = 0;
   int ring_rows_ = 0;  // of costs, sums and penalties: a strip and its look-ahead, or one
 

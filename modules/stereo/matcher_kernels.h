@@ -30,21 +30,20 @@ constexpr int plane_count(CensusShape shape) {
 
 // Grays are below 2^15. Rows are readable from -kCensusReach to the width rounded up to 32, plus
 // kCensusReach; planes are written up to the rounded width.
+inline constexpr int kPlaneStride = 2304;  // bytes from plane to plane; no multiple of a page
+inline constexpr int kWidthMax = kPlaneStride - kDisparitiesMax - 2 * kLanes;
 struct CensusRow {
   const std::uint16_t* rows[5];  // y-2 .. y+2
   int width;
   CensusShape shape;
   bool mirrored;  // the row runs right to left (the right image's does): neighbours swap sides
   std::uint8_t* planes;
-  std::size_t plane_stride;
 };
 
 // cost(x, d) = Hamming distance of left(x) and right[d - x], for x in [0, width).
 struct HammingRow {
   const std::uint8_t* left;
-  std::size_t left_stride;
   const std::uint8_t* right;  // at x = 0, d = 0; it runs right to left
-  std::size_t right_stride;
   int planes;
   int width;
   int disparities;

@@ -113,9 +113,7 @@ void StereoMatcher::compute_raw(const Pair& pair, int y) {
   left.shape = right.shape = shape_;
   right.mirrored = true;
   left.planes = left_planes_.data();
-  left.plane_stride = plane_stride_;
   right.planes = right_planes_.data();
-  right.plane_stride = right_plane_stride_;
   kernels_->census_row(left);
   kernels_->census_row(right);
   // Beyond the right image's edge: half of the bits set, as far from one code as from another.
@@ -123,11 +121,11 @@ void StereoMatcher::compute_raw(const Pair& pair, int y) {
   const int planes = plane_count(shape_);
   const int end = width + options_.disparity_count;
   for (int plane = 0; plane < planes; ++plane) {
-    std::uint8_t* row = right.planes + static_cast<std::size_t>(plane) * right_plane_stride_;
+    std::uint8_t* row = right.planes + plane * stereo_kernels::kPlaneStride;
     std::fill(row + right.width, row + std::max(end, right.width), kNowhere);
   }
-  kernels_->hamming_row({left.planes, plane_stride_, right.planes + width - 1, right_plane_stride_,
-                         planes, width, options_.disparity_count, raw_row(y)});
+  kernels_->hamming_row(
+      {left.planes, right.planes + width - 1, planes, width, options_.disparity_count, raw_row(y)});
 }
 
 void StereoMatcher::compute_cost(const Pair& pair, int y, std::uint8_t* cost) {
@@ -139,8 +137,8 @@ void StereoMatcher::compute_cost(const Pair& pair, int y, std::uint8_t* cost) {
 
 // The penalty of a jump is less where the image has an edge (Hirschmueller 2008, section 2.2).
 void StereoMatcher::compute_penalties(int y, std::uint8_t* north) {
-  std::uint8_t* guide = guide_.data() + static_cast<std::size_t>(y % 2) * plane_stride_;
-  const std::uint8_t* upper = guide_.data() + static_cast<std::size_t>((y + 1) % 2) * plane_stride_;
+  std::uint8_t* guide = guide_.data() + static_cast<std::size_t>(y % 2) * row_stride_;
+  const std::uint8_t* upper = guide_.data() + static_cast<std::size_t>((y + 1) % 2) * row_stride_;
   kernels_->penalty_row({gray_row(left_gray_, y), guide_gain_, y == rect_.y0 ? guide : upper, guide,
                          rect_.x1 - rect_.x0, penalty_2_, penalty_2_least_, penalty_slope_,
                          penalty_west_.data(), north});
@@ -153,13 +151,13 @@ void StereoMatcher::measure_texture(int y) {
                          rect_.x1 - rect_.x0,
                          kRises * options_.texture_min,
                          rises_.data() + kLanes,
-                         flat_.data() + static_cast<std::size_t>(y) * plane_stride_});
+                         flat_.data() + static_cast<std::size_t>(y) * row_stride_});
 }
 
 // Costs and penalties of row y, and the sum of the paths that come from the west and the north.
 stereo_kernels::PathRow StereoMatcher::sum_forward(const Pair& pair, int y) {
   std::uint8_t* cost = cost_.data() + ring_slot(y) * cost_stride_;
-  std::uint8_t* north = penalty_north_.data() + ring_slot(y) * plane_stride_;
+  std::uint8_t* north = penalty_north_.data() + ring_slot(y) * row_stride_;
   compute_cost(pair, y, cost);
   compute_penalties(y, north);
   measure_texture(y);
@@ -176,7 +174,7 @@ stereo_kernels::PathRow StereoMatcher::upward_path(int y) {
   const int below = std::min(y + 1, rect_.y1 - 1);
   return {cost_.data() + ring_slot(y) * cost_stride_,
           nullptr,
-          penalty_north_.data() + ring_slot(below) * plane_stride_,
+          penalty_north_.data() + ring_slot(below) * row_stride_,
           penalty_1_,
           rect_.x1 - rect_.x0,
           options_.disparity_count,
@@ -204,7 +202,7 @@ void StereoMatcher::finish_row(int y) {
   for (int x = 0; x < width; ++x) seen[x] = right[x - winner[x]];
   const bool checks = options_.left_right_difference >= 0;
   kernels_->disparity_row({winner, winner_cost_.data(), cost_below_.data(), cost_above_.data(),
-                           seen, flat_.data() + static_cast<std::size_t>(y) * plane_stride_, width,
+                           seen, flat_.data() + static_cast<std::size_t>(y) * row_stride_, width,
                            checks ? options_.left_right_difference : kDisparitiesMax,
                            options_.disparity_min, result_row(y)});
 }

@@ -69,9 +69,11 @@ struct RowLoops {
   // each rounded as the standard says, give the same bytes everywhere.
   static int subpixel_offset(int rise_below, int rise_above) {
     const int most = larger(larger(rise_below, rise_above), 1);
-    const float r = static_cast<float>(rise_below - rise_above) / static_cast<float>(most);
+    const int difference = rise_below - rise_above;
+    const float r = static_cast<float>(size(difference)) / static_cast<float>(most);
     const float fine = static_cast<float>(kDisparityScale) * (r * (0.7F - 0.2F * (r * r)));
-    return static_cast<int>(fine + (fine < 0 ? -0.5F : 0.5F));
+    const int magnitude = static_cast<int>(fine + 0.5F);
+    return difference < 0 ? -magnitude : magnitude;
   }
 
   static void disparity_row(const DisparityRow& row) {

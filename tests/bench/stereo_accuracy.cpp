@@ -130,6 +130,7 @@ std::vector<Contestant> contestants() {
   for (const auto mode : {MatcherMode::kFast, MatcherMode::kAccurate}) {
     all.push_back(ours(mode, 1, 100));
     all.push_back(ours(mode, 3, 20));
+    all.push_back(ours(mode, 10, 20));
     all.push_back(ours(mode, -1, 20));
   }
   for (const int block : {3, 5})

@@ -41,29 +41,27 @@ TEST_P(KernelsTest, CensusRowsAreEqual) {
     for (const bool mirrored : {false, true}) {
       Bytes planes[2];
       for (int k = 0; k < 2; ++k) {
-        planes[k].resize(padded * kPlanesMax);
-        CensusRow row{{}, width_, shape, mirrored, planes[k].data(), padded};
+        planes[k].resize(kPlaneStride * kPlanesMax);
+        CensusRow row{{}, width_, shape, mirrored, planes[k].data()};
         for (std::size_t r = 0; r < 5; ++r) row.rows[r] = rows[r].data() + kCensusReach;
         (k == 0 ? slow_ : fast_).census_row(row);
-        for (std::size_t p = 0; p < kPlanesMax; ++p)  // what is beyond the width is not compared
-          std::fill(planes[k].begin() + static_cast<std::ptrdiff_t>(p * padded) + width_,
-                    planes[k].begin() + static_cast<std::ptrdiff_t>((p + 1) * padded), 0);
+        for (int p = 0; p < kPlanesMax; ++p)  // what is beyond the width is not compared
+          std::fill(planes[k].begin() + p * kPlaneStride + width_,
+                    planes[k].begin() + (p + 1) * kPlaneStride, std::uint8_t{0});
       }
       EXPECT_EQ(planes[0], planes[1]);
     }
 }
 
 TEST_P(KernelsTest, HammingRowsAreEqual) {
-  const auto width = static_cast<std::size_t>(width_);
-  const std::size_t right_stride = width + static_cast<std::size_t>(disparities_) + 32;
-  const Bytes left = bytes(width * kPlanesMax, 15);
-  const Bytes right = bytes(right_stride * kPlanesMax, 15);
+  const Bytes left = bytes(kPlaneStride * kPlanesMax, 15);
+  const Bytes right = bytes(kPlaneStride * kPlanesMax, 15);
   for (const auto shape : {CensusShape::kNarrow, CensusShape::kWide}) {
     Bytes cost[2] = {Bytes(volume_), Bytes(volume_)};
     for (int k = 0; k < 2; ++k)
       (k == 0 ? slow_ : fast_)
-          .hamming_row({left.data(), width, right.data() + width_ - 1, right_stride,
-                        plane_count(shape), width_, disparities_, cost[k].data()});
+          .hamming_row({left.data(), right.data() + width_ - 1, plane_count(shape), width_,
+                        disparities_, cost[k].data()});
     EXPECT_EQ(cost[0], cost[1]);
   }
 }
