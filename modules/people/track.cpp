@@ -15,6 +15,9 @@ constexpr double kHeightUnit = 0.25;  // metres of difference in height that cou
 constexpr double kSameEnough = 0.30;  // two tracks nearer than this follow one person
 // Seen surface of two frames, in units of 0.25 square metres and at most one each.
 constexpr double kEvidenceAtOnce = 1.2;
+// Metres: who stands in a doorway is inside when the torso's centre is; one who leans on a wall has
+// more than that of body between.
+constexpr double kThreshold = 0.10;
 constexpr double kPostureHold = 0.3;  // seconds a posture must last
 constexpr double kSeatReach = 0.55;   // metres from a seat's centre to its sitter's torso
 
@@ -121,7 +124,8 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   } else {
     track.state = TrackState::kFollowed;
   }
-  track.told = track.state == TrackState::kFollowed;
+  track.told = track.state == TrackState::kFollowed &&
+               depth_inside(track.motion.position().x(), track.motion.position().y()) > 0;
   tell(track, shape, detection);
 }
 
@@ -147,6 +151,10 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
     return;
   }
   track.free_since = -1;
+  if (depth_inside(position.x(), position.y()) < kThreshold) {
+    track.told = false;
+    return;
+  }
   const bool walking = velocity.norm() > 0.4;
   double coast_s = walking ? options_.coast_walking_s : options_.coast_standing_s;
   if (view.surface > 0.5F) coast_s = options_.coast_walking_s;
@@ -188,6 +196,7 @@ void Tracker::drop_doubles() {
 void Tracker::begin(std::span<const Detection> detections, std::span<const BodyShape> shapes) {
   for (std::size_t i = 0; i < detections.size(); ++i) {
     if (taken_[i] != 0 || !detections[i].stands_alone) continue;
+    if (depth_inside(detections[i].x, detections[i].y) < kThreshold) continue;
     Track track;
     track.motion = MotionFilter({detections[i].x, detections[i].y}, detections[i].sigma);
     track.person.since = now_s_;
@@ -196,6 +205,7 @@ void Tracker::begin(std::span<const Detection> detections, std::span<const BodyS
     track.evidence = std::min(1.0, detections[i].area_m2 / 0.25);
     track.head_top = detections[i].top;
     track.person.height = detections[i].top;
+    track.last_tops = {detections[i].top, detections[i].top};
     track.posture_since = now_s_;
     track.detection = static_cast<std::uint16_t>(i);
     judge_posture(track, detections[i]);
@@ -205,15 +215,24 @@ void Tracker::begin(std::span<const Detection> detections, std::span<const BodyS
   }
 }
 
-// The highest that is seen more than by chance: rises within half a second, gives way only to
-// noise, so that who sits down keeps the height of before.
+// The highest that was seen three times running; a raised hand is forgotten in some seconds of
+// standing, but who sits down keeps the height of before.
 void Tracker::measure_height(Track& track, const Detection& detection) const {
+  constexpr double kForget = 5.0;     // seconds
+  constexpr double kStillUpright = 0.25;  // metres below the height
+  const double lasting =
+      std::min<double>(detection.top, std::min(track.last_tops[0], track.last_tops[1]));
+  track.last_tops = {detection.top, track.last_tops[0]};
   double& height = track.person.height;
-  const double step = std::min(1.0, dt_s_ / 0.4);
-  if (detection.top > height)
-    height += step * (detection.top - height);
-  else if (height - detection.top < 0.08)
-    height += 0.1 * step * (detection.top - height);
+  if (lasting > height)
+    height = lasting;
+  else if (height - lasting < kStillUpright)
+    height += std::min(1.0, dt_s_ / kForget) * (lasting - height);
+}
+
+double Tracker::depth_inside(double x, double y) const {
+  return std::min({x - wagon_.inside.min.x(), wagon_.inside.max.x() - x,
+                   y - wagon_.inside.min.y(), wagon_.inside.max.y() - y});
 }
 
 bool Tracker::near_seat(const Track& track) const {

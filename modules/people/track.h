@@ -46,6 +46,7 @@ struct Track {
   double free_since = -1;  // the place was seen to be empty since then; -1: it was not
   bool told = false;       // part of what is reported at this instant
   double head_top = 0;     // highest point at last sight
+  std::array<float, 2> last_tops{};  // of the two sights before this one
   bool cut_side = false;   // at an image border at last sight
   Posture posture_seen = Posture::kUnknown;  // by the last sight alone
   double posture_since = 0;
@@ -77,6 +78,7 @@ class Tracker {
   void measure_height(Track& track, const Detection& detection) const;
   void judge_posture(Track& track, const Detection& detection) const;
   bool near_seat(const Track& track) const;
+  double depth_inside(double x, double y) const;  // metres to the nearest end of the inside
   void tell(Track& track, const BodyShape& shape, const Detection& detection) const;
 
   Wagon wagon_;

@@ -1,0 +1,107 @@
+#include "people/detect.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include "support/body_cloud.h"
+
+namespace wagonsight {
+namespace {
+
+using testing::add_column;
+using testing::add_person;
+
+std::vector<Detection> people_in(const FusedCloud& cloud,
+                                 std::span<const PersonPrior> priors = {}) {
+  Detector detector(testing::room());
+  std::vector<Detection> found;
+  for (const Detection& detection : detector.detect(cloud, priors))
+    if (detection.stands_alone) found.push_back(detection);
+  return found;
+}
+
+TEST(Detector, FindsNobodyInAnEmptyRoom) { EXPECT_TRUE(people_in(FusedCloud{}).empty()); }
+
+TEST(Detector, FindsOnePersonWhereItStands) {
+  EXPECT_TRUE(rc::check([] {
+    const double x = 1 + 0.01 * *rc::gen::inRange(0, 400);
+    const double y = 1 + 0.01 * *rc::gen::inRange(0, 200);
+    const double height = 0.01 * *rc::gen::inRange(95, 201);
+    FusedCloud cloud;
+    add_person(cloud, x, y, height);
+    const auto found = people_in(cloud);
+    RC_ASSERT(found.size() == 1U);
+    RC_ASSERT(std::hypot(found[0].x - x, found[0].y - y) < 0.03);
+    RC_ASSERT(std::abs(found[0].top - height) < 0.04);
+  }));
+}
+
+TEST(Detector, PutsATorsoSeenFromOneSideAtItsCentre) {
+  FusedCloud cloud;
+  add_person(cloud, 3.0, 2.0, 1.75, {false, 0.0, 2.0});
+  const auto found = people_in(cloud);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].x, 3.0, 0.05);
+  EXPECT_NEAR(found[0].y, 2.0, 0.03);
+}
+
+TEST(Detector, SeparatesPeopleWhoseShouldersTouch) {
+  FusedCloud cloud;
+  add_person(cloud, 2.0, 1.0, 1.75);
+  add_person(cloud, 2.0, 1.45, 1.70);
+  add_person(cloud, 2.0, 1.90, 1.80);
+  EXPECT_EQ(people_in(cloud).size(), 3U);
+}
+
+TEST(Detector, FindsAChildBesideAnAdult) {
+  FusedCloud cloud;
+  add_person(cloud, 2.0, 1.0, 1.75);
+  add_person(cloud, 2.0, 1.48, 1.05);
+  EXPECT_EQ(people_in(cloud).size(), 2U);
+}
+
+TEST(Detector, TakesARaisedArmForPartOfItsPerson) {
+  FusedCloud cloud;
+  add_person(cloud, 2.0, 1.0, 1.75);
+  add_column(cloud, 2.0, 1.24, 1.3, 2.1, 0.04, 0.04, {});
+  EXPECT_EQ(people_in(cloud).size(), 1U);
+}
+
+TEST(Detector, FindsNobodyInABagOrInScatteredNoise) {
+  FusedCloud cloud;
+  add_column(cloud, 2.0, 1.0, 0.0, 0.5, 0.2, 0.15, {});
+  EXPECT_TRUE(people_in(cloud).empty());
+  for (int i = 0; i < 40; ++i)  // flickering pixels of a far wall
+    add_column(cloud, 4.0 + 0.02 * i, 3.0, 0.9 + 0.017 * (i * 7 % 40), 0.92 + 0.017 * (i * 7 % 40),
+               0.02, 0.02, {});
+  EXPECT_TRUE(people_in(cloud).empty());
+}
+
+TEST(Detector, FindsSomebodyWhoLies) {
+  FusedCloud cloud;
+  add_column(cloud, 3.0, 2.0, 0.0, 0.25, 0.2, 0.85, {});
+  add_column(cloud, 3.0, 2.0, 0.22, 0.25, 0.1, 0.75, {});
+  const auto found = people_in(cloud);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(found[0].top, 0.3F);
+  EXPECT_GT(found[0].length, 1.2F);
+}
+
+TEST(Detector, LabelsEveryPointOfAPersonWithIt) {
+  FusedCloud cloud;
+  add_person(cloud, 2.0, 1.0, 1.75);
+  const std::size_t first = cloud.points.size();
+  add_person(cloud, 4.0, 3.0, 1.60);
+  Detector detector(testing::room());
+  const auto found = detector.detect(cloud, {});
+  ASSERT_EQ(found.size(), 2U);
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    if (cloud.points[i].z < 0.2F) continue;  // feet are within the floor's noise
+    const auto label = detector.labels()[i];
+    ASSERT_NE(label, kNoDetection);
+    EXPECT_NEAR(found[label].x, i < first ? 2.0 : 4.0, 0.1);
+  }
+}
+
+}  // namespace
+}  // namespace wagonsight

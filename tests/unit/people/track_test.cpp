@@ -1,0 +1,122 @@
+#include "people/track.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "support/body_cloud.h"
+
+namespace wagonsight {
+namespace {
+
+// A tracker over clouds of stand-ins, without any sensor: every unseen place is out of sight.
+class Stage {
+ public:
+  explicit Stage(double rate_hz) : rate_hz_(rate_hz) {
+    wagon_.inside = testing::room();
+    tracker_ = std::make_unique<Tracker>(wagon_);
+    visibility_ = std::make_unique<VisibilityGrid>(Rig{}, wagon_.inside);
+    detector_ = std::make_unique<Detector>(wagon_.inside);
+  }
+
+  struct Stand {
+    double x, y, height;
+  };
+  void step(std::initializer_list<Stand> people) {
+    cloud_.points.clear();
+    cloud_.contributions.clear();
+    for (const Stand& stand : people) testing::add_person(cloud_, stand.x, stand.y, stand.height);
+    const auto priors = tracker_->predict(frame_++ / rate_hz_);
+    const auto found = detector_->detect(cloud_, priors);
+    const auto shapes = describer_.describe(cloud_, detector_->labels(), found);
+    tracker_->update(found, shapes, *visibility_);
+  }
+  std::vector<Person> told() const {
+    std::vector<Person> people;
+    for (const Track& track : tracker_->tracks())
+      if (track.told) people.push_back(track.person);
+    return people;
+  }
+
+ private:
+  double rate_hz_;
+  int frame_ = 0;
+  Wagon wagon_;
+  FusedCloud cloud_;
+  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<VisibilityGrid> visibility_;
+  std::unique_ptr<Detector> detector_;
+  Describer describer_;
+};
+
+class TrackerAtRate : public ::testing::TestWithParam<double> {};
+
+TEST_P(TrackerAtRate, FollowsAWalkWithOneIdentity) {
+  const double rate = GetParam();
+  Stage stage(rate);
+  std::set<std::uint32_t> ids;
+  for (int i = 0; i < 4 * rate; ++i) {
+    stage.step({{1.0 + 1.0 * i / rate, 2.0, 1.75}});
+    for (const Person& person : stage.told()) ids.insert(person.id);
+  }
+  EXPECT_EQ(ids.size(), 1U);
+  ASSERT_EQ(stage.told().size(), 1U);
+  EXPECT_NEAR(stage.told()[0].velocity[0], 1.0, 0.15);
+  EXPECT_EQ(stage.told()[0].posture, Posture::kStanding);
+  EXPECT_TRUE(stage.told()[0].has_head);
+}
+
+TEST_P(TrackerAtRate, KeepsTwoWhoPassEachOtherApart) {
+  const double rate = GetParam();
+  Stage stage(rate);
+  const int last = static_cast<int>(4 * rate);
+  std::uint32_t left_first = 0;
+  for (int i = 0; i <= last; ++i) {
+    const double along = 4.0 * i / last;
+    stage.step({{1.0 + along, 1.7, 1.80}, {5.0 - along, 2.3, 1.60}});
+    if (i == last / 4) {
+      ASSERT_EQ(stage.told().size(), 2U);
+      for (const Person& person : stage.told())
+        if (person.position[0] < 3) left_first = person.id;
+    }
+  }
+  ASSERT_EQ(stage.told().size(), 2U);
+  for (const Person& person : stage.told()) {
+    EXPECT_EQ(person.id == left_first, person.position[0] > 3);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Rates, TrackerAtRate, ::testing::Values(2.5, 4.0, 10.0, 30.0));
+
+TEST(Tracker, TellsNobodyAfterASingleFrame) {
+  Stage stage(30);
+  stage.step({{2, 2, 1.75}});
+  EXPECT_TRUE(stage.told().empty());
+  for (int i = 0; i < 5; ++i) stage.step({});
+  EXPECT_TRUE(stage.told().empty());
+}
+
+TEST(Tracker, RecognisesWhoComesBackIntoSight) {
+  Stage stage(10);
+  for (int i = 0; i < 20; ++i) stage.step({{1.0 + 0.1 * i, 2.0, 1.75}});
+  ASSERT_EQ(stage.told().size(), 1U);
+  const auto id = stage.told()[0].id;
+  for (int i = 0; i < 6; ++i) stage.step({});
+  EXPECT_TRUE(stage.told().empty());  // out of every sensor's sight
+  for (int i = 26; i < 32; ++i) stage.step({{1.0 + 0.1 * i, 2.0, 1.75}});
+  ASSERT_EQ(stage.told().size(), 1U);
+  EXPECT_EQ(stage.told()[0].id, id);
+}
+
+TEST(Tracker, KeepsTheHeightOfOneWhoSitsDown) {
+  Stage stage(10);
+  for (int i = 0; i < 15; ++i) stage.step({{2.0, 2.0, 1.80}});
+  for (int i = 0; i < 15; ++i) stage.step({{2.0, 2.0, 1.80 - 0.03 * i}});
+  for (int i = 0; i < 15; ++i) stage.step({{2.0, 2.0, 1.35}});
+  ASSERT_EQ(stage.told().size(), 1U);
+  EXPECT_NEAR(stage.told()[0].height, 1.80, 0.06);
+  EXPECT_EQ(stage.told()[0].posture, Posture::kSitting);
+}
+
+}  // namespace
+}  // namespace wagonsight
