@@ -13,6 +13,14 @@ constexpr double kTogetherMax = 0.28;
 constexpr double kApartMin = 0.40;
 // A part that is no person by itself belongs to the nearest one within arm's reach.
 constexpr double kPartReach = 0.60;
+// Longer than anybody with a bag, seen as an even spread of surface.
+constexpr double kOnePersonLength = 0.62;
+constexpr double kPriorReach = 0.45;  // from the middle of a hill to those expected in it
+// The heads of people whose heights differ by a head's length are in this band below the highest.
+constexpr float kHeadBand = 0.35F;
+// How much fainter than the fainter of two heads the place between them is: clearly when nobody
+// was expected, slightly when two people were.
+constexpr float kClearGap = 0.65F, kSlightGap = 0.90F;
 // The visible half of a torso (an ellipse of half axes 0.2 m and 0.12 m) lies on average this far
 // before its centre, seen horizontally.
 constexpr float kSurfaceToCentre = 0.10F;
@@ -44,7 +52,7 @@ std::span<const Detection> Detector::detect(const FusedCloud& cloud,
   segments_.segment(cloud);
   gather_parts(cloud);
   merge_parts(priors);
-  split_by_priors(cloud, priors);
+  split_crowds(cloud, priors);
   measure(cloud);
   return detections_.span();
 }
@@ -69,24 +77,33 @@ void Detector::gather_parts(const FusedCloud& cloud) {
     if (label != kNoSegment && label >= count) label = kNoSegment;
     part_labels_[i] = label;
     if (label == kNoSegment) continue;
-    const FusedPoint& p = cloud.points[i];
-    Part& part = parts_[label];
-    const double area = p.area_m2;
-    part.area += area;
-    part.x += area * p.x;
-    part.y += area * p.y;
-    part.xx += area * square(p.x);
-    part.xy += area * p.x * p.y;
-    part.yy += area * square(p.y);
-    if (p.z > part.top) {
-      part.top = p.z;
-      part.top_x = p.x;
-      part.top_y = p.y;
-    }
-    part.bottom = std::min(part.bottom, p.z);
-    ++part.points;
+    add_point(parts_[label], cloud.points[i]);
   }
   for (Part& part : parts_) part.area = std::max(part.area, 1e-9);
+}
+
+void Detector::add_point(Part& part, const FusedPoint& p) const {
+  const double area = p.area_m2;
+  part.area += area;
+  part.x += area * p.x;
+  part.y += area * p.y;
+  part.xx += area * square(p.x);
+  part.xy += area * p.x * p.y;
+  part.yy += area * square(p.y);
+  if (p.z > part.top) {
+    part.top = p.z;
+    part.top_x = p.x;
+    part.top_y = p.y;
+  }
+  part.bottom = std::min(part.bottom, p.z);
+  ++part.points;
+}
+
+double Detector::Part::length() const {
+  const double vx = std::max(0.0, xx / area - square(mean_x()));
+  const double vy = std::max(0.0, yy / area - square(mean_y()));
+  const double vxy = xy / area - mean_x() * mean_y();
+  return std::sqrt(12 * (0.5 * (vx + vy) + std::hypot(0.5 * (vx - vy), vxy)));
 }
 
 void Detector::merge(std::size_t low, std::size_t high) {
@@ -112,7 +129,7 @@ bool Detector::same_person(const Part& high, const Part& low,
   const bool low_is_person = low.area >= options_.area_min_m2 &&
                              low.top >= options_.standing_min_m && low.top - low.bottom > 0.35F;
   if (!low_is_person) return true;
-  if (between >= kApartMin) return false;
+  if (std::max(between, tops) >= kApartMin) return false;
   // In doubt the tracks decide: two people expected here are two.
   int expected = 0;
   for (const PersonPrior& prior : priors) {
@@ -140,9 +157,52 @@ void Detector::merge_parts(std::span<const PersonPrior> priors) {
   }
 }
 
-void Detector::split_by_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors) {
-  (void)cloud;
-  (void)priors;
+// A hill that is too long for one person, or in which the tracks expect two, is split where several
+// heads stand out.
+void Detector::split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors) {
+  const std::size_t count = parts_.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const Part& part = parts_[i];
+    if (part.merged_into != i || part.area < 2 * options_.area_min_m2) continue;
+    int expected = 0;
+    for (const PersonPrior& prior : priors)
+      if (distance_between(prior.x, prior.y, part.mean_x(), part.mean_y()) < kPriorReach)
+        ++expected;
+    if (expected < 2 && part.length() < kOnePersonLength) continue;
+    const auto is_part = [&](std::size_t point) {
+      return part_labels_[point] != kNoSegment && part_root(part_labels_[point]) == i;
+    };
+    head_modes_.clear(static_cast<float>(part.mean_x()), static_cast<float>(part.mean_y()));
+    for (std::size_t k = 0; k < cloud.points.size(); ++k)
+      if (is_part(k) && cloud.points[k].z > part.top - kHeadBand) head_modes_.add(cloud.points[k]);
+    const auto heads = head_modes_.find(expected < 2 ? kClearGap : kSlightGap);
+    if (heads.size() > 1) split(cloud, i, heads);
+  }
+}
+
+// Every point goes to the nearest head. Parts that were merged into this one dissolve.
+void Detector::split(const FusedCloud& cloud, std::size_t part, std::span<const HeadMode> heads) {
+  const std::size_t first = parts_.size();
+  if (first + heads.size() > parts_.capacity()) return;
+  for (std::size_t head = 0; head < heads.size(); ++head) {
+    Part fresh;
+    fresh.bottom = 1e9F;
+    fresh.area = 1e-9;
+    fresh.merged_into = static_cast<std::uint16_t>(first + head);
+    if (!parts_.try_push_back(fresh)) return;
+  }
+  for (std::size_t k = 0; k < cloud.points.size(); ++k) {
+    if (part_labels_[k] == kNoSegment || part_root(part_labels_[k]) != part) continue;
+    const FusedPoint& p = cloud.points[k];
+    std::size_t nearest = 0;
+    for (std::size_t head = 1; head < heads.size(); ++head)
+      if (distance_between(p.x, p.y, heads[head].x, heads[head].y) <
+          distance_between(p.x, p.y, heads[nearest].x, heads[nearest].y))
+        nearest = head;
+    part_labels_[k] = static_cast<std::uint16_t>(first + nearest);
+    add_point(parts_[first + nearest], p);
+  }
+  parts_[part].area = 0;
 }
 
 void Detector::measure(const FusedCloud& cloud) {

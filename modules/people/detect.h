@@ -7,6 +7,7 @@
 #include "base/bounded_vector.h"
 #include "fusion/fused_cloud.h"
 #include "people/ground_segments.h"
+#include "people/head_modes.h"
 #include "snapshot/snapshot.h"
 #include "wagon/wagon.h"
 
@@ -73,6 +74,8 @@ class Detector {
     std::uint16_t merged_into = kNoDetection;  // itself when it stands
     std::uint16_t detection = kNoDetection;
 
+    // Longest horizontal extent if the surface were spread evenly.
+    double length() const;
     double mean_x() const { return x / area; }
     double mean_y() const { return y / area; }
   };
@@ -81,7 +84,9 @@ class Detector {
   void merge_parts(std::span<const PersonPrior> priors);
   bool same_person(const Part& high, const Part& low, std::span<const PersonPrior> priors) const;
   void merge(std::size_t low, std::size_t high);
-  void split_by_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  void split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  void split(const FusedCloud& cloud, std::size_t part, std::span<const HeadMode> heads);
+  void add_point(Part& part, const FusedPoint& p) const;
   void measure(const FusedCloud& cloud);
   void measure_positions(const FusedCloud& cloud);
   void add_views(const FusedCloud& cloud);
@@ -90,6 +95,7 @@ class Detector {
 
   DetectOptions options_;
   GroundSegments segments_;
+  HeadModes head_modes_;
   BoundedVector<Part> parts_;
   BoundedVector<std::uint16_t> part_labels_;  // by point
   BoundedVector<std::uint16_t> labels_;       // by point

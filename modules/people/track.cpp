@@ -12,7 +12,8 @@ constexpr float kImpossible = std::numeric_limits<float>::infinity();
 constexpr double kCostUnit = 0.35;
 constexpr float kAloneCost = 30.0F;   // the widest gate squared in that unit, and what is added
 constexpr double kHeightUnit = 0.25;  // metres of difference in height that count like one unit
-constexpr double kSameEnough = 0.30;  // two tracks nearer than this follow one person
+constexpr double kSameEnough = 0.15;  // two tracks nearer than this follow one person
+constexpr double kWellKnown = 2.0;    // seconds
 // Seen surface of two frames, in units of 0.25 square metres and at most one each.
 constexpr double kEvidenceAtOnce = 1.2;
 // Metres: who stands in a doorway is inside when the torso's centre is; one who leans on a wall has
@@ -157,7 +158,10 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
   }
   const bool walking = velocity.norm() > 0.4;
   double coast_s = walking ? options_.coast_walking_s : options_.coast_standing_s;
-  if (view.surface > 0.5F) coast_s = options_.coast_walking_s;
+  // Somebody is there, but taken for a part of a neighbour: only who was followed for long is
+  // believed in for long.
+  if (view.surface > 0.5F && now_s_ - track.person.since < kWellKnown)
+    coast_s = options_.coast_walking_s;
   // Who was at an image border has left by it.
   if (view.outside > 0.5F || track.cut_side)
     coast_s = track.cut_side ? 0 : options_.coast_lost_sight_s;
@@ -218,7 +222,7 @@ void Tracker::begin(std::span<const Detection> detections, std::span<const BodyS
 // The highest that was seen three times running; a raised hand is forgotten in some seconds of
 // standing, but who sits down keeps the height of before.
 void Tracker::measure_height(Track& track, const Detection& detection) const {
-  constexpr double kForget = 5.0;     // seconds
+  constexpr double kForget = 5.0;         // seconds
   constexpr double kStillUpright = 0.25;  // metres below the height
   const double lasting =
       std::min<double>(detection.top, std::min(track.last_tops[0], track.last_tops[1]));
@@ -231,8 +235,8 @@ void Tracker::measure_height(Track& track, const Detection& detection) const {
 }
 
 double Tracker::depth_inside(double x, double y) const {
-  return std::min({x - wagon_.inside.min.x(), wagon_.inside.max.x() - x,
-                   y - wagon_.inside.min.y(), wagon_.inside.max.y() - y});
+  return std::min({x - wagon_.inside.min.x(), wagon_.inside.max.x() - x, y - wagon_.inside.min.y(),
+                   wagon_.inside.max.y() - y});
 }
 
 bool Tracker::near_seat(const Track& track) const {

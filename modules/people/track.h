@@ -43,11 +43,11 @@ struct Track {
   Person person;  // id is 0 until confirmed
   double evidence = 0;
   std::uint32_t hits = 0;
-  double free_since = -1;  // the place was seen to be empty since then; -1: it was not
-  bool told = false;       // part of what is reported at this instant
-  double head_top = 0;     // highest point at last sight
+  double free_since = -1;            // the place was seen to be empty since then; -1: it was not
+  bool told = false;                 // part of what is reported at this instant
+  double head_top = 0;               // highest point at last sight
   std::array<float, 2> last_tops{};  // of the two sights before this one
-  bool cut_side = false;   // at an image border at last sight
+  bool cut_side = false;             // at an image border at last sight
   Posture posture_seen = Posture::kUnknown;  // by the last sight alone
   double posture_since = 0;
   std::uint16_t detection = kNoDetection;  // at this instant

@@ -52,6 +52,8 @@ inline void add_person(FusedCloud& cloud, double x, double y, double height,
   add_column(cloud, x, y + 0.1 * s, 0.05, height - 0.90 * s, 0.07 * s, 0.07 * s, from);
 }
 
-inline Bounds room() { return {{0, 0, 0}, {6, 4, 2.4}}; }
+inline Bounds room() {
+  return {{0, 0, 0}, {6, 4, 2.4}};
+}
 
 }  // namespace wagonsight::testing

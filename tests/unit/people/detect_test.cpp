@@ -20,7 +20,9 @@ std::vector<Detection> people_in(const FusedCloud& cloud,
   return found;
 }
 
-TEST(Detector, FindsNobodyInAnEmptyRoom) { EXPECT_TRUE(people_in(FusedCloud{}).empty()); }
+TEST(Detector, FindsNobodyInAnEmptyRoom) {
+  EXPECT_TRUE(people_in(FusedCloud{}).empty());
+}
 
 TEST(Detector, FindsOnePersonWhereItStands) {
   EXPECT_TRUE(rc::check([] {
