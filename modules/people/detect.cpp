@@ -313,10 +313,13 @@ void Detector::judge() {
     const bool solid = detection.area_m2 >= options_.solid_min * tall * detection.length;
     const bool upright = detection.top >= options_.standing_min_m &&
                          detection.area_m2 >= options_.area_min_m2 && tall >= 0.3F && solid;
+    const bool slim =
+        detection.top >= options_.child_max_m ||
+        (detection.length <= options_.child_length_max_m && tall >= options_.child_tall_min_m);
     const bool lying = detection.top < options_.standing_min_m &&
                        detection.area_m2 >= options_.lying_area_min_m2 &&
                        detection.length >= options_.lying_length_min_m;
-    detection.stands_alone = upright || lying;
+    detection.stands_alone = (upright && slim) || lying;
   }
 }
 

@@ -45,7 +45,11 @@ struct Detection {
 
 // What the detector takes a person for. All lengths are those of human bodies.
 struct DetectOptions {
-  double standing_min_m = 0.8;     // top of the smallest person to be found upright
+  double standing_min_m = 0.8;  // top of the smallest person to be found upright
+  // Whoever is smaller than this is a child, slim and on its feet; a pram is as high but longer.
+  double child_max_m = 1.15;
+  double child_length_max_m = 0.45;
+  double child_tall_min_m = 0.6;   // from its lowest visible point
   double area_min_m2 = 0.10;       // visible surface of a person nobody expects
   double area_part_min_m2 = 0.04;  // of one whom a track expects
   // A body is solid: its visible surface fills this share of its outline's box at least.
