@@ -15,7 +15,8 @@ constexpr double kApartMin = 0.40;
 constexpr double kPartReach = 0.60;
 // Longer than anybody with a bag, seen as an even spread of surface.
 constexpr double kOnePersonLength = 0.62;
-constexpr double kPriorReach = 0.45;  // from the middle of a hill to those expected in it
+constexpr double kPriorReach = 0.7;     // from the middle of a hill to those expected in it
+constexpr double kExpectedApart = 0.2;  // nearer tracks follow one person
 // The heads of people whose heights differ by a head's length are in this band below the highest.
 constexpr float kHeadBand = 0.35F;
 // How much fainter than the fainter of two heads the place between them is: clearly when nobody
@@ -126,6 +127,19 @@ bool Detector::same_person(const Part& high, const Part& low,
   const double tops = distance_between(high.top_x, high.top_y, low.top_x, low.top_y);
   if (between > kPartReach) return false;
   if (std::min(between, tops) < kTogetherMax) return true;
+  // Two who have long sat or stood here are two, however little of one is seen.
+  if (low.area >= options_.area_part_min_m2) {
+    bool low_expected = false;
+    bool high_expected = false;
+    for (const PersonPrior& prior : priors) {
+      if (!prior.settled) continue;
+      const double to_high = distance_between(prior.x, prior.y, high.mean_x(), high.mean_y());
+      const double to_low = distance_between(prior.x, prior.y, low.mean_x(), low.mean_y());
+      if (std::min(to_high, to_low) > kApartMin) continue;
+      (to_low < to_high ? low_expected : high_expected) = true;
+    }
+    if (low_expected && high_expected) return false;
+  }
   const bool low_is_person = low.area >= options_.area_min_m2 &&
                              low.top >= options_.standing_min_m && low.top - low.bottom > 0.35F;
   if (!low_is_person) return true;
@@ -158,25 +172,73 @@ void Detector::merge_parts(std::span<const PersonPrior> priors) {
 }
 
 // A hill that is too long for one person, or in which the tracks expect two, is split where several
-// heads stand out.
+// heads stand out; failing that, between those who are
+// expected there because they sit or stand there: walkers are told apart by their heads alone, or a
+// track gone wrong would live on in another one's arms and legs.
 void Detector::split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors) {
+  place_priors(cloud, priors);
   const std::size_t count = parts_.size();
   for (std::size_t i = 0; i < count; ++i) {
     const Part& part = parts_[i];
-    if (part.merged_into != i || part.area < 2 * options_.area_min_m2) continue;
-    int expected = 0;
-    for (const PersonPrior& prior : priors)
-      if (distance_between(prior.x, prior.y, part.mean_x(), part.mean_y()) < kPriorReach)
-        ++expected;
-    if (expected < 2 && part.length() < kOnePersonLength) continue;
-    const auto is_part = [&](std::size_t point) {
-      return part_labels_[point] != kNoSegment && part_root(part_labels_[point]) == i;
-    };
+    if (part.merged_into != i || part.area < 2 * options_.area_part_min_m2) continue;
+    expect_in(i, priors);
+    const double length = part.length();
+    if (expected_.size() < 2 && (length < kOnePersonLength || part.area < options_.area_min_m2))
+      continue;
     head_modes_.clear(static_cast<float>(part.mean_x()), static_cast<float>(part.mean_y()));
     for (std::size_t k = 0; k < cloud.points.size(); ++k)
-      if (is_part(k) && cloud.points[k].z > part.top - kHeadBand) head_modes_.add(cloud.points[k]);
-    const auto heads = head_modes_.find(expected < 2 ? kClearGap : kSlightGap);
-    if (heads.size() > 1) split(cloud, i, heads);
+      if (is_in(k, i) && cloud.points[k].z > part.top - kHeadBand) head_modes_.add(cloud.points[k]);
+    const auto heads = head_modes_.find(expected_.size() < 2 ? kClearGap : kSlightGap);
+    if (heads.size() > 1)
+      split(cloud, i, heads);
+    else if (expected_.size() > 1 && all_settled_ && length >= kOnePersonLength)
+      split(cloud, i, {expected_.data(), expected_.size()});
+  }
+}
+
+bool Detector::is_in(std::size_t point, std::size_t part) const {
+  return part_labels_[point] != kNoSegment && part_root(part_labels_[point]) == part;
+}
+
+// The part that has most of its surface where a track expects somebody is where it belongs.
+void Detector::place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors) {
+  struct Share {
+    std::uint16_t part = 0;
+    float area_m2 = 0;
+  };
+  places_.clear();
+  for (const PersonPrior& prior : priors) {
+    FixedVector<Share, 8> shares;
+    for (std::size_t k = 0; k < cloud.points.size(); ++k) {
+      const FusedPoint& p = cloud.points[k];
+      if (std::abs(p.x - prior.x) > kTogetherMax || std::abs(p.y - prior.y) > kTogetherMax)
+        continue;
+      if (part_labels_[k] == kNoSegment) continue;
+      const std::uint16_t part = part_root(part_labels_[k]);
+      std::size_t at = 0;
+      while (at < shares.size() && shares[at].part != part) ++at;
+      if (at == shares.size() && !shares.try_push_back({part, 0})) continue;
+      shares[at].area_m2 += p.area_m2;
+    }
+    Place place;
+    for (const Share& share : shares)
+      if (share.area_m2 > place.support_m2) place = {share.part, share.area_m2};
+    if (!places_.try_push_back(place)) break;
+  }
+}
+
+void Detector::expect_in(std::size_t part, std::span<const PersonPrior> priors) {
+  expected_.clear();
+  all_settled_ = true;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    if (places_[i].part != part || places_[i].support_m2 < options_.area_part_min_m2) continue;
+    bool apart = true;
+    for (const HeadMode& other : expected_)
+      apart =
+          apart && distance_between(other.x, other.y, priors[i].x, priors[i].y) >= kExpectedApart;
+    if (!apart) continue;
+    if (!expected_.try_push_back({priors[i].x, priors[i].y, places_[i].support_m2})) break;
+    all_settled_ = all_settled_ && priors[i].settled;
   }
 }
 
@@ -192,7 +254,7 @@ void Detector::split(const FusedCloud& cloud, std::size_t part, std::span<const 
     if (!parts_.try_push_back(fresh)) return;
   }
   for (std::size_t k = 0; k < cloud.points.size(); ++k) {
-    if (part_labels_[k] == kNoSegment || part_root(part_labels_[k]) != part) continue;
+    if (!is_in(k, part)) continue;
     const FusedPoint& p = cloud.points[k];
     std::size_t nearest = 0;
     for (std::size_t head = 1; head < heads.size(); ++head)

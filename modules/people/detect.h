@@ -19,7 +19,8 @@ inline constexpr std::uint16_t kNoDetection = UINT16_MAX;
 // together is one or two.
 struct PersonPrior {
   float x = 0, y = 0;
-  float height = 0;  // highest seen, metres
+  float height = 0;      // highest seen, metres
+  bool settled = false;  // well known and hardly moving: sits or stands
 };
 
 // Something that is a person by itself, or may be the part of one that a track expects. World
@@ -89,6 +90,9 @@ class Detector {
   bool same_person(const Part& high, const Part& low, std::span<const PersonPrior> priors) const;
   void merge(std::size_t low, std::size_t high);
   void split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  void place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  void expect_in(std::size_t part, std::span<const PersonPrior> priors);
+  bool is_in(std::size_t point, std::size_t part) const;
   void split(const FusedCloud& cloud, std::size_t part, std::span<const HeadMode> heads);
   void add_point(Part& part, const FusedPoint& p) const;
   void measure(const FusedCloud& cloud);
@@ -100,6 +104,13 @@ class Detector {
   DetectOptions options_;
   GroundSegments segments_;
   HeadModes head_modes_;
+  struct Place {  // of a prior: the part it belongs to
+    std::uint16_t part = kNoDetection;
+    float support_m2 = 0;
+  };
+  FixedVector<Place, kTracksMax> places_;  // by prior
+  FixedVector<HeadMode, 6> expected_;      // places of tracks within the part at hand
+  bool all_settled_ = false;               // and whether all of them hardly move
   BoundedVector<Part> parts_;
   BoundedVector<std::uint16_t> part_labels_;  // by point
   BoundedVector<std::uint16_t> labels_;       // by point

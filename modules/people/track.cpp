@@ -10,10 +10,12 @@ namespace {
 constexpr float kImpossible = std::numeric_limits<float>::infinity();
 // Costs are squared distances in units of this length: half the space between two people.
 constexpr double kCostUnit = 0.35;
-constexpr float kAloneCost = 30.0F;   // the widest gate squared in that unit, and what is added
-constexpr double kHeightUnit = 0.25;  // metres of difference in height that count like one unit
-constexpr double kSameEnough = 0.15;  // two tracks nearer than this follow one person
-constexpr double kWellKnown = 2.0;    // seconds
+constexpr float kAloneCost = 30.0F;     // the widest gate squared in that unit, and what is added
+constexpr double kHeightUnit = 0.25;    // metres of difference in height that count like one unit
+constexpr double kSameEnough = 0.15;    // two tracks nearer than this follow one person
+constexpr double kWellKnown = 2.0;      // seconds
+constexpr double kHeadless = 0.25;      // metres lower than before, in part of a body
+constexpr double kSettledSpeed = 0.25;  // m/s; below is swaying and noise
 // Seen surface of two frames, in units of 0.25 square metres and at most one each.
 constexpr double kEvidenceAtOnce = 1.2;
 // Metres: who stands in a doorway is inside when the torso's centre is; one who leans on a wall has
@@ -44,12 +46,14 @@ std::span<const PersonPrior> Tracker::predict(double now_s) {
   priors_.clear();
   for (Track& track : tracks_) {
     track.motion.predict(dt_s_, options_.acceleration);
-    if (track.state == TrackState::kHidden) track.motion.slow_down(dt_s_, 1.0);
+    if (track.state == TrackState::kHidden)
+      track.motion.slow_down(dt_s_, rests(track) ? 0.05 : 1.0);
     track.person.position = {track.motion.position().x(), track.motion.position().y()};
     if (track.state != TrackState::kFollowed && !track.told) continue;
-    const PersonPrior prior{static_cast<float>(track.person.position[0]),
-                            static_cast<float>(track.person.position[1]),
-                            static_cast<float>(track.person.height)};
+    const PersonPrior prior{
+        static_cast<float>(track.person.position[0]), static_cast<float>(track.person.position[1]),
+        static_cast<float>(track.person.height),
+        now_s_ - track.person.since > kWellKnown && track.motion.velocity().norm() < kSettledSpeed};
     if (!priors_.try_push_back(prior)) break;
   }
   return priors_.span();
@@ -106,13 +110,15 @@ void Tracker::associate(std::span<const Detection> detections) {
 
 void Tracker::see(Track& track, const Detection& detection, const BodyShape& shape) {
   // A body that goes on beyond the image border has its centre there, too.
-  const double sigma = detection.sigma + (detection.cut_side ? 0.1 : 0.0);
+  // Neither do legs alone tell where the torso is.
+  const bool headless = !detection.stands_alone && detection.top < track.head_top - kHeadless;
+  const double sigma = detection.sigma + (detection.cut_side ? 0.1 : 0.0) + (headless ? 0.3 : 0.0);
   track.motion.correct({detection.x, detection.y}, sigma);
   ++track.hits;
   track.evidence += std::min(1.0, detection.area_m2 / 0.25);
   track.free_since = -1;
   track.person.last_seen = now_s_;
-  if (!detection.cut_top) track.head_top = detection.top;
+  if (!detection.cut_top && !headless) track.head_top = detection.top;
   track.cut_side = detection.cut_side;
   measure_height(track, detection);
   judge_posture(track, detection);
@@ -156,8 +162,10 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
     track.told = false;
     return;
   }
-  const bool walking = velocity.norm() > 0.4;
-  double coast_s = walking ? options_.coast_walking_s : options_.coast_standing_s;
+  double coast_s = options_.coast_walking_s;
+  if (rests(track)) coast_s = options_.coast_standing_s;
+  if (track.person.posture == Posture::kSitting || track.person.posture == Posture::kLying)
+    coast_s = options_.coast_sitting_s;
   // Somebody is there, but taken for a part of a neighbour: only who was followed for long is
   // believed in for long.
   if (view.surface > 0.5F && now_s_ - track.person.since < kWellKnown)
@@ -232,6 +240,12 @@ void Tracker::measure_height(Track& track, const Detection& detection) const {
     height = lasting;
   else if (height - lasting < kStillUpright)
     height += std::min(1.0, dt_s_ / kForget) * (lasting - height);
+}
+
+// Sits, lies or hardly moved when last seen: is still there when it is hidden.
+bool Tracker::rests(const Track& track) const {
+  return track.person.posture == Posture::kSitting || track.person.posture == Posture::kLying ||
+         track.motion.velocity().norm() < kSettledSpeed;
 }
 
 double Tracker::depth_inside(double x, double y) const {

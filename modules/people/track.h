@@ -31,7 +31,8 @@ struct TrackOptions {
   double gate_max_m = 1.6;
   double confirm_s = 0.12;          // and two frames; at once less with twice a full body in view
   double coast_walking_s = 1.5;     // told while behind something and walking
-  double coast_standing_s = 10.0;   // and while standing or sitting
+  double coast_standing_s = 10.0;   // and while standing
+  double coast_sitting_s = 60.0;    // and while sitting or lying: nobody rises unseen
   double coast_lost_sight_s = 0.2;  // told after leaving every sensor's view
   double remember_s = 4.0;          // recognised when seen again
   double gone_s = 0.5;              // seen through for so long: not there
@@ -78,6 +79,7 @@ class Tracker {
   void measure_height(Track& track, const Detection& detection) const;
   void judge_posture(Track& track, const Detection& detection) const;
   bool near_seat(const Track& track) const;
+  bool rests(const Track& track) const;
   double depth_inside(double x, double y) const;  // metres to the nearest end of the inside
   void tell(Track& track, const BodyShape& shape, const Detection& detection) const;
 
