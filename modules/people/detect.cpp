@@ -13,6 +13,7 @@ constexpr double kTogetherMax = 0.28;
 constexpr double kApartMin = 0.40;
 // A part that is no person by itself belongs to the nearest one within arm's reach.
 constexpr double kPartReach = 0.60;
+constexpr double kAdultRadius = 0.3;  // metres: shoulders
 // Longer than anybody with a bag, seen as an even spread of surface.
 constexpr double kOnePersonLength = 0.62;
 constexpr double kPriorReach = 0.7;     // from the middle of a hill to those expected in it
@@ -189,11 +190,36 @@ void Detector::split_crowds(const FusedCloud& cloud, std::span<const PersonPrior
     for (std::size_t k = 0; k < cloud.points.size(); ++k)
       if (is_in(k, i) && cloud.points[k].z > part.top - kHeadBand) head_modes_.add(cloud.points[k]);
     const auto heads = head_modes_.find(expected_.size() < 2 ? kClearGap : kSlightGap);
+    std::array<HeadMode, 2> pair{};
+    if (!heads.empty()) pair[0] = heads[0];
     if (heads.size() > 1)
       split(cloud, i, heads);
+    else if (!heads.empty() && length >= kOnePersonLength &&
+             find_child_beside(cloud, i, pair[0], pair[1]))
+      split(cloud, i, pair);
     else if (expected_.size() > 1 && all_settled_ && length >= kOnePersonLength)
       split(cloud, i, {expected_.data(), expected_.size()});
   }
+}
+
+// A child's head is lower than the band in which an adult's shows. What is left of the hill beyond
+// an adult's reach is a child when it has the shape of one.
+bool Detector::find_child_beside(const FusedCloud& cloud, std::size_t part, HeadMode& adult,
+                                 HeadMode& child) const {
+  Part rest;
+  rest.bottom = 1e9F;
+  rest.area = 1e-9;
+  for (std::size_t k = 0; k < cloud.points.size(); ++k)
+    if (is_in(k, part) &&
+        distance_between(cloud.points[k].x, cloud.points[k].y, adult.x, adult.y) > kAdultRadius)
+      add_point(rest, cloud.points[k]);
+  if (rest.area < 2 * options_.area_min_m2 || rest.top < options_.standing_min_m ||
+      rest.top - rest.bottom < options_.child_tall_min_m ||
+      rest.length() > options_.child_length_max_m ||
+      distance_between(rest.mean_x(), rest.mean_y(), adult.x, adult.y) < kAdultRadius + 0.05)
+    return false;
+  child = {static_cast<float>(rest.mean_x()), static_cast<float>(rest.mean_y()), 0};
+  return true;
 }
 
 bool Detector::is_in(std::size_t point, std::size_t part) const {
@@ -377,10 +403,13 @@ void Detector::judge() {
                          detection.area_m2 >= options_.area_min_m2 && tall >= 0.3F && solid;
     const bool slim =
         detection.top >= options_.child_max_m ||
-        (detection.length <= options_.child_length_max_m && tall >= options_.child_tall_min_m);
+        (detection.length <= options_.child_length_max_m && tall >= options_.child_tall_min_m &&
+         detection.bottom <= options_.child_bottom_max_m &&
+         detection.area_m2 >= options_.child_area_min_m2);
     const bool lying = detection.top < options_.standing_min_m &&
                        detection.area_m2 >= options_.lying_area_min_m2 &&
                        detection.length >= options_.lying_length_min_m;
+    detection.like_a_thing = upright && !slim && detection.length > options_.child_length_max_m;
     detection.stands_alone = (upright && slim) || lying;
   }
 }

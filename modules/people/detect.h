@@ -34,6 +34,7 @@ struct Detection {
   float width = 0;            // across that
   float area_m2 = 0;          // of its visible surface
   bool stands_alone = false;  // enough of a person to begin a track
+  bool like_a_thing = false;  // upright, low and long: a pram, or somebody who bends down
   bool cut_top = false;       // the head may be beyond an image border
   bool cut_side = false;      // the body goes on beyond an image border
   std::uint32_t points = 0;
@@ -50,9 +51,11 @@ struct DetectOptions {
   // Whoever is smaller than this is a child, slim and on its feet; a pram is as high but longer.
   double child_max_m = 1.15;
   double child_length_max_m = 0.45;
-  double child_tall_min_m = 0.6;   // from its lowest visible point
-  double area_min_m2 = 0.10;       // visible surface of a person nobody expects
-  double area_part_min_m2 = 0.04;  // of one whom a track expects
+  double child_tall_min_m = 0.6;  // from its lowest visible point
+  double child_bottom_max_m = 0.3;
+  double child_area_min_m2 = 0.25;
+  double area_min_m2 = 0.10;        // visible surface of a person nobody expects
+  double area_part_min_m2 = 0.025;  // of one whom a track expects: half a head
   // A body is solid: its visible surface fills this share of its outline's box at least.
   double solid_min = 0.3;
   double lying_area_min_m2 = 0.3;
@@ -93,6 +96,8 @@ class Detector {
   void place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void expect_in(std::size_t part, std::span<const PersonPrior> priors);
   bool is_in(std::size_t point, std::size_t part) const;
+  bool find_child_beside(const FusedCloud& cloud, std::size_t part, HeadMode& adult,
+                         HeadMode& child) const;
   void split(const FusedCloud& cloud, std::size_t part, std::span<const HeadMode> heads);
   void add_point(Part& part, const FusedPoint& p) const;
   void measure(const FusedCloud& cloud);

@@ -118,8 +118,22 @@ std::uint32_t GroundSegments::root_of(std::uint32_t hill) const {
   return hill;
 }
 
-// Water sinks from the highest cell down; what emerges joins the highest hill it touches. Hills
-// that touch there become one unless the lower one has proved itself.
+// A shoulder belongs to the head above it.
+std::uint32_t GroundSegments::nearer_peak(std::uint32_t cell, std::uint32_t a,
+                                          std::uint32_t b) const {
+  const auto distance2 = [&](std::uint32_t hill) {
+    const int from = static_cast<int>(cell);
+    const int to = static_cast<int>(hills_[hill].peak_cell);
+    const int columns = from % width_ - to % width_;
+    const int rows = from / width_ - to / width_;
+    return columns * columns + rows * rows;
+  };
+  return distance2(b) < distance2(a) ? b : a;
+}
+
+// Water sinks from the highest cell down; what emerges joins the hill it touches, the one with the
+// nearer peak when there are two. Hills that touch there become one unless the lower one has proved
+// itself.
 void GroundSegments::flood() {
   hills_.clear();
   const std::array<int, 8> around{-width_ - 1, -width_,    -width_ + 1, -1,
@@ -143,13 +157,13 @@ void GroundSegments::flood() {
           hills_[low].parent = high;
           hills_[high].area_m2 += hills_[low].area_m2;
         }
-        mine = high;
+        mine = proved ? nearer_peak(index, mine, other) : high;
       }
     }
     if (mine == kNoHill) {
       mine = static_cast<std::uint32_t>(hills_.size());
       hills_.resize(hills_.size() + 1);
-      hills_[mine] = {bridged_[index], 0, mine, kNoSegment};
+      hills_[mine] = {bridged_[index], index, 0, mine, kNoSegment};
     }
     cells_[index].label = mine;
     hills_[mine].area_m2 += cells_[index].area_m2;

@@ -35,6 +35,7 @@ class GroundSegments {
   };
   struct Hill {
     float peak = 0;
+    std::uint32_t peak_cell = 0;
     float area_m2 = 0;
     std::uint32_t parent = 0;
     std::uint16_t number = kNoSegment;
@@ -45,6 +46,7 @@ class GroundSegments {
   void order_by_height();
   void flood();
   std::uint32_t root_of(std::uint32_t hill) const;
+  std::uint32_t nearer_peak(std::uint32_t cell, std::uint32_t a, std::uint32_t b) const;
   std::uint32_t cell_of(float x, float y) const;
 
   Bounds inside_;

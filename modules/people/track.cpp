@@ -14,6 +14,8 @@ constexpr float kAloneCost = 30.0F;     // the widest gate squared in that unit,
 constexpr double kHeightUnit = 0.25;    // metres of difference in height that count like one unit
 constexpr double kSameEnough = 0.15;    // two tracks nearer than this follow one person
 constexpr double kWellKnown = 2.0;      // seconds
+constexpr double kPartReach = 0.5;      // metres
+constexpr double kPartTopShare = 0.45;  // a sitter's knees are at a third of where his head was
 constexpr double kHeadless = 0.25;      // metres lower than before, in part of a body
 constexpr double kSettledSpeed = 0.25;  // m/s; below is swaying and noise
 // Seen surface of two frames, in units of 0.25 square metres and at most one each.
@@ -21,8 +23,10 @@ constexpr double kEvidenceAtOnce = 1.2;
 // Metres: who stands in a doorway is inside when the torso's centre is; one who leans on a wall has
 // more than that of body between.
 constexpr double kThreshold = 0.10;
-constexpr double kPostureHold = 0.3;  // seconds a posture must last
-constexpr double kSeatReach = 0.55;   // metres from a seat's centre to its sitter's torso
+constexpr double kThingHold = 0.7;     // seconds until a thing is known for one
+constexpr double kThingTaller = 0.35;  // metres: who bends down is taller upright
+constexpr double kPostureHold = 0.3;   // seconds a posture must last
+constexpr double kSeatReach = 0.55;    // metres from a seat's centre to its sitter's torso
 
 double distance(const std::array<double, 2>& a, const std::array<double, 2>& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1]);
@@ -82,6 +86,10 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   if (away > gate) return kImpossible;
   if (!detection.stands_alone && track.state != TrackState::kFollowed && !track.told)
     return kImpossible;
+  // A part of a body is only taken for somebody's where he is.
+  if (!detection.stands_alone &&
+      (away > kPartReach || detection.top < kPartTopShare * track.head_top))
+    return kImpossible;
   double cost = (away / kCostUnit) * (away / kCostUnit);
   if (!detection.cut_top) {
     const double taller = (detection.top - track.head_top) / kHeightUnit;
@@ -122,6 +130,10 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   track.cut_side = detection.cut_side;
   measure_height(track, detection);
   judge_posture(track, detection);
+  // What was never seen taller and is too long for a child is a thing that came with somebody.
+  const bool thing = detection.like_a_thing && !near_seat(track) &&
+                     track.person.height < detection.top + kThingTaller;
+  track.thing_s = thing ? track.thing_s + dt_s_ : std::max(0.0, track.thing_s - dt_s_);
   if (track.state == TrackState::kTentative) {
     const bool long_enough = now_s_ - track.person.since >= options_.confirm_s - 1e-6;
     if (track.hits >= 2 && (long_enough || track.evidence >= kEvidenceAtOnce)) {
@@ -186,8 +198,9 @@ void Tracker::drop_ended() {
     const bool missed = track.state == TrackState::kTentative && track.hits == 0;
     const bool gone = track.free_since >= 0 && now_s_ - track.free_since > options_.gone_s &&
                       unseen_s > options_.coast_walking_s;
+    const bool thing = track.thing_s > kThingHold;
     const bool forgotten = !track.told && unseen_s > options_.remember_s;
-    if (missed || gone || forgotten) continue;
+    if (missed || gone || forgotten || thing) continue;
     if (kept != i) tracks_[kept] = tracks_[i];
     ++kept;
   }
@@ -245,7 +258,7 @@ void Tracker::measure_height(Track& track, const Detection& detection) const {
 // Sits, lies or hardly moved when last seen: is still there when it is hidden.
 bool Tracker::rests(const Track& track) const {
   return track.person.posture == Posture::kSitting || track.person.posture == Posture::kLying ||
-         track.motion.velocity().norm() < kSettledSpeed;
+         track.posture_seen == Posture::kSitting || track.motion.velocity().norm() < kSettledSpeed;
 }
 
 double Tracker::depth_inside(double x, double y) const {

@@ -47,6 +47,7 @@ struct Track {
   double free_since = -1;            // the place was seen to be empty since then; -1: it was not
   bool told = false;                 // part of what is reported at this instant
   double head_top = 0;               // highest point at last sight
+  double thing_s = 0;                // for how long it has looked like a thing
   std::array<float, 2> last_tops{};  // of the two sights before this one
   bool cut_side = false;             // at an image border at last sight
   Posture posture_seen = Posture::kUnknown;  // by the last sight alone
