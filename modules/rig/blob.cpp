@@ -267,9 +267,10 @@ std::vector<std::byte> pack_blob(const Rig& rig) {
            [&](ByteWriter& out) { write_section(rig.provenance, out); });
   blob.add(SectionKind::kGeoreference, kNoSensor,
            [&](ByteWriter& out) { write_section(rig.georeference, out); });
-  for (std::uint16_t i = 0; i < rig.sensors.size(); ++i)
+  const auto sensor_count = static_cast<std::uint16_t>(rig.sensors.size());
+  for (std::uint16_t i = 0; i < sensor_count; ++i)
     blob.add(SectionKind::kSensor, i, [&](ByteWriter& out) { write_section(rig.sensors[i], out); });
-  for (std::uint16_t i = 0; i < rig.sensors.size(); ++i) {
+  for (std::uint16_t i = 0; i < sensor_count; ++i) {
     if (!needs_rays(rig.sensors[i])) continue;
     blob.add(SectionKind::kRays, i, [&](ByteWriter& out) {
       const auto rays = make_ray_table(rig.sensors[i].camera);

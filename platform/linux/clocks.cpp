@@ -1,7 +1,7 @@
 #include "linux/clocks.h"
 
 #include <sys/timex.h>
-#include <time.h>
+#include <time.h>  // NOLINT(modernize-deprecated-headers): POSIX clocks
 
 #include "base/check.h"
 

@@ -30,6 +30,8 @@ class MappedFile {
     swap(other);
     return *this;
   }
+  MappedFile(const MappedFile&) = delete;
+  MappedFile& operator=(const MappedFile&) = delete;
   ~MappedFile();
 
   static Result<MappedFile> open(const std::string& path);

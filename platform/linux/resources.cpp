@@ -2,7 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/resource.h>
-#include <time.h>
+#include <time.h>  // NOLINT(modernize-deprecated-headers): POSIX clocks
 #include <unistd.h>
 
 #include <array>

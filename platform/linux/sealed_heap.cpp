@@ -79,10 +79,12 @@ __attribute__((weak)) int __sanitizer_install_malloc_and_free_hooks(
 #else
 
 // glibc's own names of what is interposed; free() stays glibc's.
+// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming)
 void* __libc_malloc(std::size_t bytes);
 void* __libc_calloc(std::size_t count, std::size_t bytes);
 void* __libc_realloc(void* memory, std::size_t bytes);
 void* __libc_memalign(std::size_t alignment, std::size_t bytes);
+// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 
 void* malloc(std::size_t bytes) {
   wagonsight::count_allocation(bytes);
@@ -131,7 +133,7 @@ bool start_seeing() {
 #endif
 }
 
-const bool seen = start_seeing();
+const bool kSeen = start_seeing();
 
 }  // namespace
 
@@ -169,7 +171,7 @@ std::uint64_t thread_allocations() {
 }
 
 bool allocations_are_seen() {
-  return seen;
+  return kSeen;
 }
 
 }  // namespace wagonsight

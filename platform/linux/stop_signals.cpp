@@ -1,8 +1,8 @@
 #include "linux/stop_signals.h"
 
 #include <pthread.h>
-#include <signal.h>
-#include <time.h>
+#include <signal.h>  // NOLINT(modernize-deprecated-headers): POSIX signals
+#include <time.h>    // NOLINT(modernize-deprecated-headers): timespec
 
 #include <algorithm>
 
