@@ -5,6 +5,7 @@ import json
 import pathlib
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -27,6 +28,16 @@ def get(port, path):
 def metric(text, name):
     found = re.search(rf"^wagonsight_{name} (\S+)$", text, re.M)
     return float(found.group(1)) if found else float("nan")
+
+
+def refuse_taken_port(port):
+    """Another program's answers must not be taken for the demo's."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise SystemExit(f"demo: port {port} cannot be used ({error.strerror}); choose another with --port")
 
 
 def settings_with_port(port):
@@ -104,6 +115,7 @@ def main():
     parser.add_argument("--seconds", type=int, default=0)
     parser.add_argument("--port", type=int, default=8080)
     options = parser.parse_args()
+    refuse_taken_port(options.port)
     # Whoever ends the demo ends the daemon, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     daemon = subprocess.Popen([DAEMON, "--config", settings_with_port(options.port)],
