@@ -22,7 +22,7 @@ struct ReplaySetup {
   std::array<RayTable, kSensorsMax> rays{};
   Wagon wagon;
   PipelineOptions options;
-  bool had_pose = true;                   // before the floor was looked for
+  bool had_pose = true;                  // before the floor was looked for
   std::unique_ptr<InputFile> blob_file;  // what the rays may point into
 };
 

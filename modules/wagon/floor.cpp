@@ -28,8 +28,9 @@ struct Plane {  // normal . p + offset = 0; the normal points up, so offset is t
   double support = 0;
 };
 
-// How far from the plane a reading of it may lie: two and a half sigmas of a Kinect (0.0019 z^2 along
-// the ray, and a stereo camera of the same price), seen at the angle at which the ray meets the plane.
+// How far from the plane a reading of it may lie: two and a half sigmas of a Kinect (0.0019 z^2
+// along the ray, and a stereo camera of the same price), seen at the angle at which the ray meets
+// the plane.
 double tolerance(const Plane& plane, const Eigen::Vector3d& p) {
   const double cosine = std::abs(plane.normal.dot(p)) / std::max(p.z(), 0.1);
   return 0.012 + 0.005 * p.z() * p.z() * cosine;
