@@ -129,15 +129,6 @@ void read_web(const toml::table& table, Mistakes& mistakes, WebSettings& web) {
   reader.finish();
 }
 
-void read_recording(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
-                    RecordingSettings& recording) {
-  TableReader reader(table, "recording", mistakes);
-  reader.text("directory", recording.directory, kPathBytesMax);
-  recording.directory = resolved(recording.directory, file_name);
-  reader.number("limit_gb", recording.limit_gb, 0.1, 10'000);
-  reader.finish();
-}
-
 void read_demo(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
                DemoSettings& demo) {
   TableReader reader(table, "demo", mistakes);
@@ -171,8 +162,6 @@ Settings read_all(const toml::table& file, std::string_view file_name, Mistakes&
   read_sensors(root, file_name, mistakes, settings.sensors);
   if (const auto* rig = root.table("rig")) read_rig(*rig, file_name, mistakes, settings.rig);
   if (const auto* web = root.table("web")) read_web(*web, mistakes, settings.web);
-  if (const auto* recording = root.table("recording"))
-    read_recording(*recording, file_name, mistakes, settings.recording);
   if (const auto* demo = root.table("demo")) read_demo(*demo, file_name, mistakes, settings.demo);
   check_together(root, settings);
   root.finish();

@@ -55,11 +55,6 @@ struct WebSettings {
   bool on_loopback() const;
 };
 
-struct RecordingSettings {
-  std::string directory;  // of the recordings that the unit makes; empty: it makes none
-  double limit_gb = 8;    // the oldest goes when they are more
-};
-
 struct DemoSettings {
   std::string scene;  // of the simulated wagon; empty: no sensor is simulated
   std::uint64_t seed = 1;
@@ -73,7 +68,6 @@ struct Settings {
   std::vector<SensorSettings> sensors;  // none, but a scene: all of the scene's, simulated
   RigSettings rig;
   WebSettings web;
-  RecordingSettings recording;
   DemoSettings demo;
 };
 

@@ -63,7 +63,7 @@ TEST(Settings, OfTheReferenceFileAreReadWhole) {
 TEST(Settings, OfTheDemoNameAScene) {
   const auto settings = parse_settings(file_text("config/demo.toml"), "config/demo.toml");
   ASSERT_TRUE(settings) << settings.error().message;
-  EXPECT_EQ(settings->demo.scene, "config/scenes/walk.toml");
+  EXPECT_EQ(settings->demo.scene, "config/scenes/demo.toml");
   EXPECT_TRUE(settings->web.on_loopback());
 }
 
