@@ -16,9 +16,12 @@ struct CommandLine {
 
 void add_simulate(CommandLine& line);
 void add_import(CommandLine& line);
+void add_record(CommandLine& line);
 void add_replay(CommandLine& line);
 void add_evaluate(CommandLine& line);
 void add_inspect(CommandLine& line);
 void add_export(CommandLine& line);
+void add_diagnose(CommandLine& line);
+void add_devices(CommandLine& line);
 
 }  // namespace wagonsight

@@ -54,11 +54,15 @@ InputFile::~InputFile() {
 Result<std::unique_ptr<OutputFile>> OutputFile::create(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (descriptor < 0) return fail_errno(path, "cannot be written");
-  return std::unique_ptr<OutputFile>(new OutputFile(path, descriptor));
+  struct stat status {};
+  const bool is_regular = ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
+  return std::unique_ptr<OutputFile>(new OutputFile(path, descriptor, is_regular));
 }
 
 OutputFile::~OutputFile() {
-  if (descriptor_ >= 0) ::close(descriptor_);
+  if (descriptor_ < 0) return;
+  ::close(descriptor_);
+  if (removes_unfinished_) ::unlink(path_.c_str());
 }
 
 Result<void> OutputFile::write(std::span<const std::byte> bytes) {

@@ -35,7 +35,8 @@ class InputFile {
 };
 
 // A file that is written from its beginning. Every write goes to the system at once; close() says
-// whether all of it arrived.
+// whether all of it arrived. A file that is not closed is taken away again: a job that failed
+// leaves nothing that looks like an answer.
 class OutputFile final : public ByteSink {
  public:
   static Result<std::unique_ptr<OutputFile>> create(const std::string& path);
@@ -48,11 +49,15 @@ class OutputFile final : public ByteSink {
     return write(std::as_bytes(std::span(text.data(), text.size())));
   }
   Result<void> close();
+  // For a recording, of which every whole chunk can be read.
+  void keep_when_unfinished() { removes_unfinished_ = false; }
 
  private:
-  OutputFile(std::string path, int descriptor) : path_(std::move(path)), descriptor_(descriptor) {}
+  OutputFile(std::string path, int descriptor, bool is_regular)
+      : path_(std::move(path)), descriptor_(descriptor), removes_unfinished_(is_regular) {}
   std::string path_;
   int descriptor_ = -1;
+  bool removes_unfinished_;  // never a device or a pipe
 };
 
 // Writes the whole file. The Error names it and says why.

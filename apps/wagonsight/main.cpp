@@ -31,10 +31,13 @@ void declare(CommandLine& line) {
   });
   add_simulate(line);
   add_import(line);
+  add_record(line);
   add_replay(line);
   add_evaluate(line);
   add_inspect(line);
   add_export(line);
+  add_diagnose(line);
+  add_devices(line);
 }
 
 int run(int argc, char** argv) {

@@ -49,7 +49,9 @@ class Replay {
   void wait_for(HostTime instant);
   std::string background() const;
   tl::unexpected<Error> in_recording(const Error& error) const {
-    return fail(fmt::format("{} {}", recording_.path, error.message));
+    const bool is_damage = recording_.reader->cursor().damaged_chunks() > 0;
+    return fail(fmt::format("{} {}{}", recording_.path, error.message,
+                            is_damage ? "; --skip-damaged goes on without it" : ""));
   }
 
   ReplayOptions options_;

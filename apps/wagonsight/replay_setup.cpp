@@ -54,7 +54,14 @@ PipelineOptions options_of(const PipelineSettings& settings) {
           .compensate_skew = settings.compensate_skew};
 }
 
-// True when the settings state the room.
+Result<void> take_scene_text(std::string_view text, const std::string& path, ReplaySetup& setup) {
+  const auto scene = parse_scene(text, path);
+  if (!scene) return tl::unexpected(scene.error());
+  setup.wagon = wagon_of(*scene);
+  return {};
+}
+
+// True when the settings state the room, themselves or by their scene.
 Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
   const auto file = InputFile::open(path);
   if (!file) return tl::unexpected(file.error());
@@ -67,8 +74,16 @@ Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
     setup.rig.sensors[static_cast<std::size_t>(index)].trim_near = (*sensor.trim_m)[0];
     setup.rig.sensors[static_cast<std::size_t>(index)].trim_far = (*sensor.trim_m)[1];
   }
-  if (settings->wagon) setup.wagon = *settings->wagon;
-  return settings->wagon.has_value();
+  if (settings->wagon) {
+    setup.wagon = *settings->wagon;
+    return true;
+  }
+  if (settings->demo.scene.empty()) return false;
+  const auto scene = InputFile::open(settings->demo.scene);
+  if (!scene) return tl::unexpected(scene.error());
+  if (auto taken = take_scene_text(scene->text(), settings->demo.scene, setup); !taken)
+    return tl::unexpected(taken.error());
+  return true;
 }
 
 // A simulated recording carries its scene.
@@ -77,10 +92,10 @@ Result<bool> take_scene(const RecordingFile& recording, ReplaySetup& setup) {
   if (!attachment) return fail(fmt::format("{} {}", recording.path, attachment.error().message));
   if (!attachment->has_value()) return false;
   const auto data = (*attachment)->data;
-  const auto scene = parse_scene({reinterpret_cast<const char*>(data.data()), data.size()},
-                                 recording.path + " (its scene)");
-  if (!scene) return tl::unexpected(scene.error());
-  setup.wagon = wagon_of(*scene);
+  if (auto taken = take_scene_text({reinterpret_cast<const char*>(data.data()), data.size()},
+                                   recording.path + " (its scene)", setup);
+      !taken)
+    return tl::unexpected(taken.error());
   return true;
 }
 
