@@ -24,8 +24,9 @@ namespace {
 constexpr Duration kPublishPeriod = std::chrono::milliseconds(33);
 // Time to build worlds and pipelines before the first simulated or recorded frame is due.
 constexpr Duration kSourceDelay = std::chrono::milliseconds(1500);
-// The builder queues eight frames of a sensor; one more is worked on and one arrives.
-constexpr std::size_t kSlotsPerSensor = 10;
+// A frame waits at most a period and a half and 60 ms for those of its instant: four; one set is
+// worked on and one frame arrives.
+constexpr std::size_t kSlotsPerSensor = 6;
 
 // What the daemon consists of once it runs; made in this order, taken down in the reverse one.
 class Daemon {

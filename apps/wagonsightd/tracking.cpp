@@ -11,6 +11,7 @@ namespace {
 // Instants that are older are skipped, so that what is told stays of now: the builder itself waits
 // up to a tenth of a second for late frames.
 constexpr Duration kBacklogMax = std::chrono::milliseconds(300);
+constexpr double kSkewGain = 0.1;  // a mean of about the last ten frames
 constexpr Duration kWait = std::chrono::milliseconds(4);
 
 std::array<double, kSensorsMax> rates_of(const Rig& rig) {
@@ -117,7 +118,7 @@ void Tracking::tell(const FrameSet& set) {
     sensor.damaged = counters.damaged;
     sensor.background_share = pipeline_->background_share(i);
     if (set.sensors[i].state == FrameState::kPresent)
-      sensor.skew_ms = to_milliseconds(set.sensors[i].skew);
+      sensor.skew_ms += kSkewGain * (to_milliseconds(set.sensors[i].skew) - sensor.skew_ms);
   }
   now.latency_ms = to_milliseconds(host_now() - set.instant);
   now.cpu_s = to_seconds(thread_cpu_time());

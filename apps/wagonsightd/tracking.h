@@ -20,7 +20,7 @@ struct TrackedSensor {
   std::uint64_t received = 0;
   std::uint64_t unused = 0;  // came too late, out of order, or when the pipeline was behind
   std::uint64_t damaged = 0;
-  double skew_ms = 0;     // of the last frame that was used
+  double skew_ms = 0;     // mean of the last few frames that were used
   double latency_ms = 0;  // from the light to the host having the frame
   double last_good = 0;   // seconds since the daemon's start
   double background_share = 0;

@@ -52,7 +52,8 @@
   function showHealth(health) {
     document.body.dataset.verdict = health.verdict;
     put('verdict', VERDICTS[health.verdict] || health.verdict);
-    put('sentence', health.verdict === 'degraded' ? stillDone() : health.sentence);
+    put('sentence', health.verdict === 'degraded' ? stillDone()
+      : health.verdict === 'failed' ? 'Do not rely on the counts until this is put right.' : health.sentence);
     $('simulated').hidden = !health.simulated;
     const key = JSON.stringify(health.faults.map((f) => [f.id, f.subject, f.weight, f.cause]));
     if ($('faults').dataset.key === key) return;

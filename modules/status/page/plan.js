@@ -45,7 +45,7 @@ class PlanView {
     this.upright = width < 560;
     this.narrow = width < 300;  // no room for the doors' counts; they stand in the list
     if (this.upright) {
-      const side = this.narrow ? 62 : 84, scale = Math.min((width - 2 * side) / breadth, 150);
+      const side = this.narrow ? 62 : 90, scale = Math.min((width - 2 * side) / breadth, 150);
       const left = (width - scale * breadth) / 2;
       this.height = Math.ceil(scale * length + 48);
       this.place = ([x, y]) => [left + scale * (y - min[1]), 24 + scale * (x - min[0])];
@@ -128,9 +128,9 @@ class PlanView {
   // Beside the wagon, so that nobody walks over it; on the other side where one is there already.
   zoneLabelPlace(mid, used) {
     const { min, max } = this.plan.inside;
-    const box = this.box(min, max), side = this.narrow ? 56 : 84;
+    const box = this.box(min, max), side = this.narrow ? 56 : 90;
     const spots = this.upright
-      ? [[box.x - (this.narrow ? 14 : 42), mid[1]], [box.x + box.width + side, mid[1]]]
+      ? [[box.x - (this.narrow ? 14 : 48), mid[1]], [box.x + box.width + side, mid[1]]]
       : [[mid[0], box.y - 38], [mid[0], box.y + box.height + 25]];
     const free = spots.find((s) => used.every((u) => Math.hypot(u[0] - s[0], u[1] - s[1]) > 60));
     used.push(free || spots[0]);
