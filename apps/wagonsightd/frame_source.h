@@ -45,6 +45,8 @@ class SourceThread {
  public:
   SourceThread(FrameSource source, FramePool& pool, FrameBell& bell);
   ~SourceThread();  // stops
+  SourceThread(const SourceThread&) = delete;
+  SourceThread& operator=(const SourceThread&) = delete;
 
   void start();
   void stop();

@@ -25,6 +25,8 @@ class SharedBlockWriter {
  public:
   static Result<SharedBlockWriter> create(const UnitInfo& unit);
   SharedBlockWriter(SharedBlockWriter&& other) noexcept;
+  SharedBlockWriter(const SharedBlockWriter&) = delete;
+  SharedBlockWriter& operator=(const SharedBlockWriter&) = delete;
   SharedBlockWriter& operator=(SharedBlockWriter&&) = delete;
   ~SharedBlockWriter();
 

@@ -18,6 +18,8 @@ class SimulatedWagon {
   SimulatedWagon(SimulatedWagon&&) noexcept;
   SimulatedWagon& operator=(SimulatedWagon&&) noexcept;
   ~SimulatedWagon();
+  SimulatedWagon(const SimulatedWagon&) = delete;
+  SimulatedWagon& operator=(const SimulatedWagon&) = delete;
 
   Rig rig() const;
   Wagon wagon() const;

@@ -47,6 +47,8 @@ class Tracking {
   Tracking(std::unique_ptr<Pipeline> pipeline, const Rig& rig, FramePool& pool, FrameBell& bell,
            HostTime daemon_start);
   ~Tracking();  // stops
+  Tracking(const Tracking&) = delete;
+  Tracking& operator=(const Tracking&) = delete;
 
   void start(std::vector<SourceThread*> sources);
   void stop();

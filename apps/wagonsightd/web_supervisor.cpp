@@ -13,8 +13,6 @@
 #include <csignal>
 #include <cstring>
 
-extern char** environ;
-
 namespace wagonsight {
 namespace {
 
@@ -64,8 +62,8 @@ class SpawnPlan {
   }
 
  private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
+  posix_spawn_file_actions_t actions_{};
+  posix_spawnattr_t attributes_{};
   std::array<int, 3> moved_{-1, -1, -1};
   std::size_t count_ = 0;
 };

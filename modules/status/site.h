@@ -15,6 +15,8 @@ class StatusSite {
  public:
   explicit StatusSite(const AccessRules& rules);
   ~StatusSite();
+  StatusSite(const StatusSite&) = delete;
+  StatusSite& operator=(const StatusSite&) = delete;
 
   // Every route of the contract. An answer with `stream` set goes on with what stream_people and
   // stream_state give until the peer leaves.

@@ -58,6 +58,8 @@ class HttpServer {
   // Takes over a socket that listens (see listen_on).
   HttpServer(int listening_socket, const HttpLimits& limits, HttpHandler& handler);
   ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
 
   // Work to be done on the server's thread, from run() on.
   void every(Duration period, std::function<void()> work);

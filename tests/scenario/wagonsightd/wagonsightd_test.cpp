@@ -23,8 +23,6 @@
 
 #include "shared_block.h"
 
-extern char** environ;
-
 namespace wagonsight {
 namespace {
 
