@@ -306,6 +306,7 @@ noise = 0
 }
 
 TEST(SimulationTest, NothingIsAllocatedOnceItRuns) {
+  if (!allocations_are_counted()) GTEST_SKIP() << "the sanitizer has a heap of its own";
   const Scene scene = scene_of(kRoom + sensors("drop_rate = 0.05\n") + kWalker + R"([[passenger]]
 name = "a passenger with a long name and item"
 door = "door"
