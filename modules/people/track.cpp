@@ -24,6 +24,7 @@ constexpr double kEvidenceAtOnce = 1.2;
 // more than that of body between.
 constexpr double kThreshold = 0.10;
 constexpr double kThingHold = 0.7;     // seconds until a thing is known for one
+constexpr double kPartsOnly = 6.0;     // seconds without the sight of a whole person
 constexpr double kThingTaller = 0.35;  // metres: who bends down is taller upright
 constexpr double kPostureHold = 0.3;   // seconds a posture must last
 constexpr double kSeatReach = 0.55;    // metres from a seat's centre to its sitter's torso
@@ -84,7 +85,8 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   const double gate =
       std::clamp(3 * spread + 2 * detection.sigma, options_.gate_min_m, options_.gate_max_m);
   if (away > gate) return kImpossible;
-  if (!detection.stands_alone && track.state != TrackState::kFollowed && !track.told)
+  if (!detection.stands_alone && track.state != TrackState::kFollowed && !track.told &&
+      !(track.state == TrackState::kHidden && rests(track)))
     return kImpossible;
   // A part of a body is only taken for somebody's where he is.
   if (!detection.stands_alone &&
@@ -123,6 +125,7 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   const double sigma = detection.sigma + (detection.cut_side ? 0.1 : 0.0) + (headless ? 0.3 : 0.0);
   track.motion.correct({detection.x, detection.y}, sigma);
   ++track.hits;
+  if (detection.stands_alone || track.hits == 1) track.whole_s = now_s_;
   track.evidence += std::min(1.0, detection.area_m2 / 0.25);
   track.free_since = -1;
   track.person.last_seen = now_s_;
@@ -164,9 +167,11 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
   const ColumnView view =
       visibility.look_at_column(position.x(), position.y(), std::max(0.8, track.head_top));
   const double unseen_s = now_s_ - track.person.last_seen;
-  if (view.free > 0.5F) {
+  // Who rests is not given up for a glance past the shoulder.
+  const bool resting = rests(track);
+  if (view.free > (resting ? 0.75F : 0.5F)) {
     if (track.free_since < 0) track.free_since = now_s_;
-    track.told = false;
+    track.told = track.told && resting && now_s_ - track.free_since < options_.gone_s;
     return;
   }
   track.free_since = -1;
@@ -175,7 +180,7 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
     return;
   }
   double coast_s = options_.coast_walking_s;
-  if (rests(track)) coast_s = options_.coast_standing_s;
+  if (resting) coast_s = options_.coast_standing_s;
   if (track.person.posture == Posture::kSitting || track.person.posture == Posture::kLying)
     coast_s = options_.coast_sitting_s;
   // Somebody is there, but taken for a part of a neighbour: only who was followed for long is
@@ -198,7 +203,10 @@ void Tracker::drop_ended() {
     const bool missed = track.state == TrackState::kTentative && track.hits == 0;
     const bool gone = track.free_since >= 0 && now_s_ - track.free_since > options_.gone_s &&
                       unseen_s > options_.coast_walking_s;
-    const bool thing = track.thing_s > kThingHold;
+    // Parts alone are not believed in for ever, except on a seat, where parts are all one sees.
+    const bool thing = track.thing_s > kThingHold ||
+                       (track.detection != kNoDetection && now_s_ - track.whole_s > kPartsOnly &&
+                        !near_seat(track) && track.person.posture != Posture::kLying);
     const bool forgotten = !track.told && unseen_s > options_.remember_s;
     if (missed || gone || forgotten || thing) continue;
     if (kept != i) tracks_[kept] = tracks_[i];
@@ -232,6 +240,7 @@ void Tracker::begin(std::span<const Detection> detections, std::span<const BodyS
     track.person.height = detections[i].top;
     track.last_tops = {detections[i].top, detections[i].top};
     track.posture_since = now_s_;
+    track.whole_s = now_s_;
     track.detection = static_cast<std::uint16_t>(i);
     judge_posture(track, detections[i]);
     track.person.posture = track.posture_seen;

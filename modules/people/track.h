@@ -48,6 +48,7 @@ struct Track {
   bool told = false;                 // part of what is reported at this instant
   double head_top = 0;               // highest point at last sight
   double thing_s = 0;                // for how long it has looked like a thing
+  double whole_s = 0;                // when enough for a person by itself was seen last
   std::array<float, 2> last_tops{};  // of the two sights before this one
   bool cut_side = false;             // at an image border at last sight
   Posture posture_seen = Posture::kUnknown;  // by the last sight alone
