@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/camera.h"
+
 namespace wagonsight {
 namespace {
 
@@ -38,11 +40,9 @@ VisibilityGrid::Sight VisibilityGrid::look(const Eigen::Vector3d& p_W, double ma
     const RigSensor& sensor = rig_.sensors[i];
     const Eigen::Vector3d p_S = R_SW_[i] * (p_W - sensor.X_WS.position);
     if (p_S.z() < sensor.trim_near || p_S.z() > sensor.trim_far) continue;
-    // Distortion moves a pixel by a few; the column and the cells are coarser than that.
-    const int u =
-        static_cast<int>(std::lround(sensor.camera.fx * p_S.x() / p_S.z() + sensor.camera.cx));
-    const int v =
-        static_cast<int>(std::lround(sensor.camera.fy * p_S.y() / p_S.z() + sensor.camera.cy));
+    const Eigen::Vector2d image = distort(sensor.camera, {p_S.x() / p_S.z(), p_S.y() / p_S.z()});
+    const int u = static_cast<int>(std::lround(sensor.camera.fx * image.x() + sensor.camera.cx));
+    const int v = static_cast<int>(std::lround(sensor.camera.fy * image.y() + sensor.camera.cy));
     if (u < 0 || v < 0 || u >= sensor.camera.width || v >= sensor.camera.height) continue;
     Sight sight = Sight::kNoReading;
     if (frame.state == FrameState::kPresent && frame.slot->format == PixelFormat::kDepth16 &&

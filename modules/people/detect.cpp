@@ -403,13 +403,16 @@ void Detector::judge() {
                          detection.area_m2 >= options_.area_min_m2 && tall >= 0.3F && solid;
     const bool slim =
         detection.top >= options_.child_max_m ||
-        (detection.length <= options_.child_length_max_m && tall >= options_.child_tall_min_m &&
+        (detection.length <= options_.child_length_max_m &&
+         detection.width <= options_.child_width_max_m && tall >= options_.child_tall_min_m &&
          detection.bottom <= options_.child_bottom_max_m &&
          detection.area_m2 >= options_.child_area_min_m2);
     const bool lying = detection.top < options_.standing_min_m &&
                        detection.area_m2 >= options_.lying_area_min_m2 &&
                        detection.length >= options_.lying_length_min_m;
-    detection.like_a_thing = upright && !slim && detection.length > options_.child_length_max_m;
+    detection.like_a_thing = upright && !slim &&
+                             (detection.length > options_.child_length_max_m ||
+                              detection.width > options_.child_width_max_m);
     detection.stands_alone = (upright && slim) || lying;
   }
 }

@@ -50,7 +50,8 @@ struct DetectOptions {
   double standing_min_m = 0.8;  // top of the smallest person to be found upright
   // Whoever is smaller than this is a child, slim and on its feet; a pram is as high but longer.
   double child_max_m = 1.15;
-  double child_length_max_m = 0.45;
+  double child_length_max_m = 0.42;
+  double child_width_max_m = 0.26;
   double child_tall_min_m = 0.6;  // from its lowest visible point
   double child_bottom_max_m = 0.3;
   double child_area_min_m2 = 0.25;

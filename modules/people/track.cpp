@@ -92,6 +92,9 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   if (!detection.stands_alone &&
       (away > kPartReach || detection.top < kPartTopShare * track.head_top))
     return kImpossible;
+  if (detection.like_a_thing && track.posture_seen == Posture::kStanding &&
+      track.head_top > detection.top + kThingTaller)
+    return kImpossible;
   double cost = (away / kCostUnit) * (away / kCostUnit);
   if (!detection.cut_top) {
     const double taller = (detection.top - track.head_top) / kHeightUnit;
