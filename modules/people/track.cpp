@@ -10,8 +10,9 @@ namespace {
 constexpr float kImpossible = std::numeric_limits<float>::infinity();
 // Costs are squared distances in units of this length: half the space between two people.
 constexpr double kCostUnit = 0.35;
-constexpr float kAloneCost = 30.0F;     // the widest gate squared in that unit, and what is added
-constexpr double kHeightUnit = 0.25;    // metres of difference in height that count like one unit
+constexpr float kAloneCost = 30.0F;   // the widest gate squared in that unit, and what is added
+constexpr double kHeightUnit = 0.15;  // metres of difference in height that count like one unit
+constexpr double kRestingCostUnit = 0.25;
 constexpr double kSameEnough = 0.15;    // two tracks nearer than this follow one person
 constexpr double kWellKnown = 2.0;      // seconds
 constexpr double kPartReach = 0.5;      // metres
@@ -92,17 +93,19 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   if (!detection.stands_alone &&
       (away > kPartReach || detection.top < kPartTopShare * track.head_top))
     return kImpossible;
-  if (detection.like_a_thing && track.posture_seen == Posture::kStanding &&
-      track.head_top > detection.top + kThingTaller)
+  if (detection.like_a_thing && !near_seat(track) && track.head_top > detection.top + kThingTaller)
     return kImpossible;
-  double cost = (away / kCostUnit) * (away / kCostUnit);
+  // Who rests stays where he is; others come to him.
+  const bool resting = rests(track) && now_s_ - track.person.since > kWellKnown;
+  const double unit = resting ? kRestingCostUnit : kCostUnit;
+  double cost = (away / unit) * (away / unit);
   if (!detection.cut_top) {
     const double taller = (detection.top - track.head_top) / kHeightUnit;
     cost += std::min(4.0, taller * taller);
   }
   if (!detection.stands_alone) cost += 1;
   if (track.state == TrackState::kTentative) cost += 1;
-  if (track.state == TrackState::kHidden) cost += 2;
+  if (track.state == TrackState::kHidden) cost += resting ? 0.5 : 2;
   return static_cast<float>(cost);
 }
 
@@ -191,8 +194,10 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
   if (view.surface > 0.5F && now_s_ - track.person.since < kWellKnown)
     coast_s = options_.coast_walking_s;
   // Who was at an image border has left by it.
-  if (view.outside > 0.5F || track.cut_side)
-    coast_s = track.cut_side ? 0 : options_.coast_lost_sight_s;
+  if (track.cut_side && !resting)
+    coast_s = 0;
+  else if (view.outside > 0.5F)
+    coast_s = options_.coast_lost_sight_s;
   // Nobody is believed in for much longer than was seen.
   coast_s = std::min(coast_s, 0.2 + 2 * (track.person.last_seen - track.person.since));
   track.told = track.told && unseen_s <= coast_s;
