@@ -3,45 +3,15 @@
 #include <gmock/gmock.h>
 
 #include <Eigen/Geometry>
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
-#include <new>
 #include <vector>
 
-namespace {
-std::atomic<std::size_t> allocations{0};
-
-void* counted(std::size_t size, std::size_t alignment) {
-  ++allocations;
-  void* memory = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-}  // namespace
-
-// Counts what the whole program allocates, to show that converting allocates nothing.
-void* operator new(std::size_t size) {
-  return counted(size, alignof(std::max_align_t));
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  return counted(size, static_cast<std::size_t>(alignment));
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::align_val_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
-  std::free(memory);
-}
+#include "support/allocation_counter.h"
 
 namespace wagonsight {
 namespace {
+
+using testing_support::allocation_count;
 
 constexpr int kWidth = 321, kHeight = 241;
 constexpr double kWallZ = 3.0, kBoxZ = 2.0;
@@ -171,14 +141,14 @@ TEST_P(StereoToDepthTest, OnlyWhatChangedIsMatchedAndTheRestIsKept) {
 TEST_P(StereoToDepthTest, ConvertingAllocatesNothing) {
   StereoToDepth stereo = made();
   take(0.0, false);
-  const std::size_t before_first = allocations;
+  const long before_first = allocation_count();
   stereo.convert(slot_, true, {});
-  EXPECT_EQ(allocations, before_first);
+  EXPECT_EQ(allocation_count(), before_first);
   take(0.1, true);
   const PixelRect feedback{10, 10, 60, 80};
-  const std::size_t before = allocations;
+  const long before = allocation_count();
   stereo.convert(slot_, false, {&feedback, 1});
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(allocation_count(), before);
 }
 
 TEST_P(StereoToDepthTest, ASlotThatDoesNotFitIsRefusedAndCounted) {
