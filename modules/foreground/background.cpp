@@ -228,10 +228,16 @@ Background::Seen Background::look(const SensorView& view, DepthImage image,
     const int u = seen->u + corner[0] * reach, v = seen->v + corner[1] * reach;
     if (u < 0 || v < 0 || u >= image.width || v >= image.height) continue;
     const std::uint16_t raw = image.at(u, v);
-    if (raw == 0) continue;
+    if (raw == 0) {
+      if (&corner == kCorners.data()) return Seen::kNothing;
+      continue;
+    }
     const std::uint16_t known = std::min(raw, depth.raw_far());
     const float z = depth.z(known), tolerance = depth.tolerance(known);
-    if (z + tolerance < seen->z - 2 * half) continue;  // something is before it
+    if (z + tolerance < seen->z - 2 * half) {  // something is before it
+      if (&corner == kCorners.data()) return Seen::kNothing;
+      continue;
+    }
     if (z - tolerance <= seen->z + 2 * half) return Seen::kThere;
     ++through;
   }

@@ -17,6 +17,8 @@ constexpr double kMargin_m = 0.3;
 constexpr double kGatherPeriod_s = 0.1;
 // A blob below this is as likely flicker as a hand; persons are larger.
 constexpr float kSmallBlob_m2 = 0.1F;
+// Rows above and below, and a word of 64 pixels to each side, in which a fragment is near.
+constexpr int kNearRows = 16;
 // Learning counts at least so many rounds, however fast the clock runs.
 constexpr std::uint32_t kRoundsMin = 5;
 
@@ -112,6 +114,7 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
   for (std::size_t word = 0; word < unknown_.size(); ++word) {
     unknown_[word] &= ~(out.mask[word] | restless_[word]);
     rejected_[word] |= restless_[word] & ~out.mask[word];
+    if (rejected_[word] != 0 && near_somebody(word)) rejected_[word] = 0;
   }
   background_.observe_new(view_, image, unknown_.span(), rejected_.span());
   background_.observe_free(view_, image, round_share);
@@ -125,8 +128,23 @@ void ForegroundExtractor::remember(float round_share) {
   for (std::size_t word = 0; word < foreground_.size(); ++word) {
     scratch_[word] = foreground_[word] | restless_[word];
     small_[word] = scratch_[word] & ~blobs_.large_mask()[word];
+    if (small_[word] != 0 && near_somebody(word)) small_[word] = 0;
   }
   memory_.observe(small_.span(), scratch_.span(), round_share);
+}
+
+// Fragments beside a large blob are parts of who is there; they tell nothing of the background.
+bool ForegroundExtractor::near_somebody(std::size_t word) const {
+  const auto large = blobs_.large_mask();
+  const auto words = static_cast<std::ptrdiff_t>(large.size());
+  for (int rows = -kNearRows; rows <= kNearRows; rows += kNearRows / 2) {
+    const std::ptrdiff_t middle =
+        static_cast<std::ptrdiff_t>(word) + rows * std::ptrdiff_t{view_.width()} / 64;
+    for (std::ptrdiff_t i = middle - 1; i <= middle + 1; ++i) {
+      if (i >= 0 && i < words && large[static_cast<std::size_t>(i)] != 0) return true;
+    }
+  }
+  return false;
 }
 
 void ForegroundExtractor::drop_masked(DepthImage image) {

@@ -72,6 +72,7 @@ class ForegroundExtractor {
   ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
                       const LeafGrid& grid, const ForegroundOptions& options);
   void remember(float round_share);
+  bool near_somebody(std::size_t word) const;
   void drop_masked(DepthImage image);
   void drop_lonely();
 

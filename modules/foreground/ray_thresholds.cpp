@@ -193,10 +193,26 @@ Reading RayThresholds::classify(const SensorView& view, const BitOctree& backgro
   if (raw == 0 || raw < near_[pixel] || raw > far_[pixel]) return Reading::kOutside;
   if (raw >= first_near_[pixel] && raw <= first_far_[pixel]) return Reading::kBackground;
   if (raw >= second_near_[pixel] && raw <= second_far_[pixel]) return Reading::kBackground;
-  if (is_crowded(pixel) && raw > second_far_[pixel]) {
-    return classify_by_octree(view, background, pixel, raw);
+  if (is_crowded(pixel) && raw > second_far_[pixel] && hits_leaf(view, background, pixel, raw)) {
+    return Reading::kBackground;
   }
   return raw <= last_[pixel] || is_open(pixel) ? Reading::kForeground : Reading::kUnknown;
+}
+
+// Only leaves near the reading can hold it, so only they are walked; two millimetres more, because
+// readings_of() rounds to one.
+bool RayThresholds::hits_leaf(const SensorView& view, const BitOctree& background,
+                              std::size_t pixel, std::uint16_t raw) const {
+  const float z = view.depth().z(raw);
+  const float reach = view.depth().tolerance(raw) + 0.002F;
+  bool hit = false;
+  walk_ray(view, background, pixel, std::max(0.0F, z - reach), z + reach,
+           [&](float z_enter, float z_leave) {
+             const RawInterval leaf = view.depth().readings_of(z_enter, z_leave);
+             hit = leaf.first <= raw && raw <= leaf.last;
+             return !hit;
+           });
+  return hit;
 }
 
 void RayThresholds::classify(const SensorView& view, const BitOctree& background, DepthImage image,

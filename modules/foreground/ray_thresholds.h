@@ -70,6 +70,8 @@ class RayThresholds {
   template <class Visit>
   void visit_pixels(const SensorView& view, LeafAddress leaf, Visit&& visit) const;
 
+  bool hits_leaf(const SensorView& view, const BitOctree& background, std::size_t pixel,
+                 std::uint16_t raw) const;
   void classify_pixels(const SensorView& view, const BitOctree& background, DepthImage image,
                        std::uint64_t which, std::size_t word, std::span<std::uint64_t> foreground,
                        std::span<std::uint64_t> unknown) const;
