@@ -244,7 +244,7 @@ void BlobFinder::reduce(const SensorView& view, DepthImage image, Foreground& ou
           mean.x,
           mean.y,
           mean.z,
-          depth.sigma(std::min(depth.raw_at(z), depth.raw_far())),
+          depth.sigma_at(z),
           static_cast<std::uint16_t>(std::min<std::uint32_t>(mean.points, UINT16_MAX)),
           static_cast<std::uint16_t>(blob)};
       if (!out.points.try_push_back(point)) ++out.points_dropped;

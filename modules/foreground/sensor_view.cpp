@@ -17,6 +17,8 @@ DepthModel::DepthModel(const RigSensor& sensor, double noise_sigmas) {
   const double scale = sensor.depth_scale * 0.001;
   WS_CHECK(scale > 0 && sensor.trim_far > sensor.trim_near, "scale %g, trim %g to %g", scale,
            sensor.trim_near, sensor.trim_far);
+  z_offset_ = static_cast<float>(sensor.depth_offset);
+  raw_per_m_ = static_cast<float>(1.0 / scale);
   const auto raw_of = [&](double z) {
     return std::clamp((z - sensor.depth_offset) / scale, 1.0, static_cast<double>(kRawMax));
   };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -38,11 +39,17 @@ class DepthModel {
   // Readings (within the trim) from which noise alone could reach something that spans the depths
   // near_m..far_m: z + tolerance >= near_m and z - tolerance <= far_m, on a millimetre's grid.
   RawInterval readings_of(float near_m, float far_m) const;
+  // The same for a depth, by its nearest reading.
+  float sigma_at(float depth_m) const {
+    const float raw = (depth_m - z_offset_) * raw_per_m_;
+    return sigma_[raw < 0 ? 0 : std::min(static_cast<std::size_t>(raw + 0.5F), sigma_.size() - 1)];
+  }
   // The smallest reading at or beyond a depth, raw_far() + 1 when there is none.
   std::uint16_t raw_at(float depth_m) const;
 
  private:
   RawInterval trim_;
+  float z_offset_ = 0, raw_per_m_ = 0;
   std::vector<float> z_, sigma_, tolerance_;
   std::vector<std::uint16_t> first_reaching_;  // by millimetre
   std::vector<std::uint16_t> last_reaching_;

@@ -17,11 +17,13 @@ struct VoxelMean {
 // Downsamples points to one mean a voxel. Voxel (i, j, k) is the half-open cube
 // [(i, j, k) * voxel_m, + voxel_m) counted from the frame's origin along its axes; a mean is the
 // arithmetic mean of its points' offsets from the voxel's corner, in the order they came, so
-// nothing is rounded to centres and large coordinates cost no precision. A generation-stamped
-// open-addressing hash: clear() costs nothing. Allocates in the constructor only. Not thread-safe.
+// nothing is rounded to centres and large coordinates cost no precision. A generation-stamped hash
+// of blocks of 4 x 4 x 4 voxels, because the next point is mostly in the same block: clear() costs
+// nothing. Allocates in the constructor only. Not thread-safe.
 class VoxelGrid {
  public:
-  // Holds up to `capacity` voxels at a time.
+  // Holds up to `capacity` voxels at a time, in up to half as many blocks (a surface has a dozen
+  // voxels a block).
   VoxelGrid(std::size_t capacity, double voxel_m);
 
   // Forgets all voxels.
@@ -40,18 +42,31 @@ class VoxelGrid {
     float x = 0, y = 0, z = 0;  // sums of offsets from the voxel's corner, metres
     std::uint32_t points = 0;
   };
-  struct Slot {
-    std::uint32_t generation = 0;
-    std::uint32_t index = 0;
+  struct BlockKey {
+    int i = 0, j = 0, k = 0;
+    friend bool operator==(const BlockKey&, const BlockKey&) = default;
   };
+  struct Slot {
+    BlockKey key;
+    std::uint32_t generation = 0;
+    std::uint32_t block = 0;
+  };
+  static constexpr std::size_t kBlockVoxels = 64;
+
+  // The voxels of a block, by place: index + 1, 0 where none is yet. nullptr when all are used.
+  std::uint32_t* find_block(const BlockKey& key);
 
   float voxel_m_;
   float per_voxel_;
+  std::size_t block_capacity_;
   std::size_t slot_mask_;
   std::unique_ptr<Slot[]> slots_;
+  std::size_t block_count_ = 0;
+  std::unique_ptr<std::uint32_t[]> blocks_;
   BoundedVector<Voxel> voxels_;
   std::uint32_t generation_ = 1;
-  std::uint32_t latest_ = 0;  // voxel that got the last point
+  BlockKey latest_key_;
+  std::uint32_t* latest_ = nullptr;  // the block of the last point
 };
 
 }  // namespace wagonsight
