@@ -93,7 +93,8 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   if (!detection.stands_alone &&
       (away > kPartReach || detection.top < kPartTopShare * track.head_top))
     return kImpossible;
-  if (detection.like_a_thing && !near_seat(track) && track.head_top > detection.top + kThingTaller)
+  if (detection.like_a_thing && !near_seat(track) &&
+      track.person.height > detection.top + kThingTaller)
     return kImpossible;
   // Who rests stays where he is; others come to him.
   const bool resting = rests(track) && now_s_ - track.person.since > kWellKnown;
