@@ -1,11 +1,11 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <span>
 #include <type_traits>
 
 #include "base/check.h"
+#include "base/fresh_array.h"
 
 namespace wagonsight {
 
@@ -18,7 +18,7 @@ class BoundedVector {
  public:
   BoundedVector() = default;
   explicit BoundedVector(std::size_t capacity)
-      : items_(std::make_unique<T[]>(capacity)), capacity_(capacity) {}
+      : items_(make_fresh_array<T>(capacity)), capacity_(capacity) {}
 
   std::size_t size() const { return size_; }
   std::size_t capacity() const { return capacity_; }
@@ -55,7 +55,7 @@ class BoundedVector {
   }
 
  private:
-  std::unique_ptr<T[]> items_;
+  FreshArray<T> items_;
   std::size_t capacity_ = 0;
   std::size_t size_ = 0;
   std::size_t high_water_ = 0;

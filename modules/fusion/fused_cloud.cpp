@@ -41,7 +41,7 @@ const MotionHint* hint_at(std::span<const MotionHint> hints, float x, float y) {
 
 Fusion::Fusion(const Rig& rig, double voxel_m)
     : voxels_per_metre_(static_cast<float>(1.0 / voxel_m)),
-      table_(std::make_unique<Cell[]>(kTableSize)) {
+      table_(make_fresh_array<Cell>(kTableSize)) {
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const RigSensor& sensor = rig.sensors[i];
     SensorModel& model = sensors_[i];

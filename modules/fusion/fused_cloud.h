@@ -93,7 +93,7 @@ class Fusion {
 
   std::array<SensorModel, kSensorsMax> sensors_{};
   float voxels_per_metre_;
-  std::unique_ptr<Cell[]> table_;
+  FreshArray<Cell> table_;
   std::uint32_t generation_ = 0;
   FusedCloud cloud_;
 };

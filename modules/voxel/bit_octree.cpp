@@ -6,7 +6,7 @@ namespace wagonsight {
 
 BitOctree::BitOctree(const LeafGrid& grid)
     : grid_(grid),
-      words_(std::make_unique<std::uint64_t[]>(grid.brick_count() * 8)),
+      words_(make_fresh_array<std::uint64_t>(grid.brick_count() * 8)),
       blocks_(std::make_unique<std::uint64_t[]>(grid.block_count())),
       listed_(std::make_unique<std::uint64_t[]>(grid.block_count())),
       touched_(grid.brick_count()) {}

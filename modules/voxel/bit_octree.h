@@ -86,7 +86,7 @@ class BitOctree {
   void mark(BrickAddress brick);
 
   LeafGrid grid_;
-  std::unique_ptr<std::uint64_t[]> words_;
+  FreshArray<std::uint64_t> words_;
   std::unique_ptr<std::uint64_t[]> blocks_;  // a bit a brick: it has leaves
   std::unique_ptr<std::uint64_t[]> listed_;  // a bit a brick: it is in touched_
   BoundedVector<BrickAddress> touched_;

@@ -10,8 +10,7 @@ EvidencePool::EvidencePool(const LeafGrid& grid)
     : capacity_(std::min(grid.brick_count(), kEvidenceBricksMax)),
       slots_(std::make_unique<std::uint32_t[]>(grid.brick_count())),
       places_(std::make_unique<std::uint32_t[]>(grid.brick_count())),
-      // Not zeroed here, so that memory that is never needed is never resident.
-      leaves_(std::make_unique_for_overwrite<LeafEvidence[]>(capacity_ * kBrickLeaves)),
+      leaves_(make_fresh_array<LeafEvidence>(capacity_ * kBrickLeaves)),
       free_slots_(capacity_),
       bricks_(capacity_) {
   std::fill_n(slots_.get(), grid.brick_count(), kNoSlot);

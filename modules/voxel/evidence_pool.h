@@ -52,7 +52,7 @@ class EvidencePool {
   std::size_t capacity_;
   std::unique_ptr<std::uint32_t[]> slots_;   // by brick
   std::unique_ptr<std::uint32_t[]> places_;  // by brick: where in bricks_
-  std::unique_ptr<LeafEvidence[]> leaves_;   // by slot
+  FreshArray<LeafEvidence> leaves_;          // by slot
   BoundedVector<std::uint32_t> free_slots_;
   BoundedVector<BrickAddress> bricks_;
   std::uint64_t refused_ = 0;

@@ -22,7 +22,7 @@ VoxelGrid::VoxelGrid(std::size_t capacity, double voxel_m)
       block_capacity_(std::min(capacity, std::max<std::size_t>(capacity / 2, 64))),
       // Half full at most, so that a probe is short and ends.
       slot_mask_(std::bit_ceil(block_capacity_ * 2 + 1) - 1),
-      slots_(std::make_unique<Slot[]>(slot_mask_ + 1)),
+      slots_(make_fresh_array<Slot>(slot_mask_ + 1)),
       blocks_(std::make_unique_for_overwrite<std::uint32_t[]>(block_capacity_ * kBlockVoxels)),
       voxels_(capacity) {
   WS_CHECK(voxel_m > 0, "voxel of %g m", voxel_m);

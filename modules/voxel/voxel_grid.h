@@ -60,7 +60,7 @@ class VoxelGrid {
   float per_voxel_;
   std::size_t block_capacity_;
   std::size_t slot_mask_;
-  std::unique_ptr<Slot[]> slots_;
+  FreshArray<Slot> slots_;
   std::size_t block_count_ = 0;
   std::unique_ptr<std::uint32_t[]> blocks_;
   BoundedVector<Voxel> voxels_;
