@@ -52,10 +52,11 @@ function(wagonsight_program name)
 endfunction()
 
 # wagonsight_test(NAME SOURCES ... DEPENDS ... LINKS ...): one GoogleTest program, found by CTest.
-# LABELS threaded marks what the thread sanitizer run repeats.
+# LABELS threaded marks what the thread sanitizer run repeats. SERIAL: its tests share a file, so that
+# no two of them run at a time.
 add_custom_target(threaded_tests)
 function(wagonsight_test name)
-  cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS;LINKS;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "SERIAL" "" "SOURCES;DEPENDS;LINKS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   list(TRANSFORM arg_DEPENDS PREPEND wagonsight_)
   target_link_libraries(${name} PRIVATE wagonsight_flags ${arg_DEPENDS} ${arg_LINKS} GTest::gmock_main)
@@ -67,7 +68,11 @@ function(wagonsight_test name)
   if("threaded" IN_LIST labels)
     add_dependencies(threaded_tests ${name})
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${labels} TIMEOUT 300)
+  set(alone "")
+  if(arg_SERIAL)
+    set(alone RESOURCE_LOCK ${name})
+  endif()
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES ${alone} LABELS ${labels} TIMEOUT 300)
 endfunction()
 
 # wagonsight_without_ubsan(FILE ...): sources full of Boost.Beast, whose templates take minutes and
