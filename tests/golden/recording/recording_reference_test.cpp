@@ -1,6 +1,6 @@
 // What others see of our recordings: the reference MCAP reader (@mcap/core) and a public CDR reader
 // (@foxglove/rosmsg2-serialization) from npm, at the versions of package-lock.json. Skipped where
-// node or npm is not there, or the packages cannot be had.
+// node or the packages are not there.
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -54,20 +54,10 @@ std::uint32_t hash_of(std::span<const std::byte> bytes) {  // FNV-1a, as in chec
 class RecordingReference : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    const fs::path source(WAGONSIGHT_CHECK_SOURCE);
-    folder_ = fs::path(WAGONSIGHT_CHECK_BINARY) / "npm";
-    if (!succeeds("node --version > /dev/null 2>&1 && npm --version > /dev/null 2>&1")) {
-      why_not_ = "node and npm are not installed";
-      return;
-    }
-    fs::create_directories(folder_);
-    for (const char* name : {"package.json", "package-lock.json"})
-      fs::copy_file(source / name, folder_ / name, fs::copy_options::overwrite_existing);
-    const bool is_there = fs::exists(folder_ / "node_modules/@mcap/core");
-    if (!is_there && !succeeds(fmt::format("cd '{}' && npm ci --ignore-scripts --no-audit "
-                                           "--no-fund > npm.log 2>&1",
-                                           folder_.string())))
-      why_not_ = "the npm packages cannot be had (no network?)";
+    if (!succeeds("node --version > /dev/null 2>&1"))
+      why_not_ = "node is not installed";
+    else if (!fs::exists(node_modules() / "@mcap/core"))
+      why_not_ = "its npm packages are not there; ./scripts/lib/npm-ci installs them";
   }
 
   void SetUp() override {
@@ -75,18 +65,22 @@ class RecordingReference : public ::testing::Test {
   }
 
   static json read_with_reference(std::span<const std::byte> recording) {
-    const fs::path path = folder_ / "recording.mcap";
+    // Tests of this program run side by side, each as a process of its own.
+    const fs::path folder(WAGONSIGHT_CHECK_BINARY);
+    fs::create_directories(folder);
+    const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+    const fs::path path = folder / (name + ".mcap");
     write(path, recording);
     const std::string text =
         output_of(fmt::format("node '{}/check_recording.mjs' '{}' '{}'", WAGONSIGHT_CHECK_SOURCE,
-                              path.string(), (folder_ / "node_modules").string()));
+                              path.string(), node_modules().string()));
     return json::parse(text, nullptr, false);
   }
 
-  static fs::path folder_;
+  static fs::path node_modules() { return fs::path(WAGONSIGHT_CHECK_SOURCE) / "node_modules"; }
+
   static std::string why_not_;
 };
-fs::path RecordingReference::folder_;
 std::string RecordingReference::why_not_;
 
 HostTime time_of(const json& stamp) {

@@ -42,8 +42,7 @@ bool comes_true(Condition condition) {
 }
 
 std::string settings_file(const std::string& more = "") {
-  const std::string path =
-      testing::TempDir() + "wagonsightd_test_" + std::to_string(getpid()) + ".toml";
+  std::string path = testing::TempDir() + "wagonsightd_test_" + std::to_string(getpid()) + ".toml";
   std::ofstream(path)
       << "[unit]\nname = \"test\"\n[demo]\nscene = \"" WAGONSIGHT_SOURCE_DIR
          "/config/scenes/empty.toml\"\n[[sensor]]\nname = \"k0\"\nkind = \"kinect\"\n"
@@ -69,6 +68,7 @@ class Program {
     posix_spawn_file_actions_adddup2(&actions, err[1], STDERR_FILENO);
     arguments.insert(arguments.begin(), WAGONSIGHTD);
     std::vector<char*> argv;
+    argv.reserve(arguments.size() + 1);
     for (std::string& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
     posix_spawn(&pid_, WAGONSIGHTD, &actions, nullptr, argv.data(), environ);
@@ -225,6 +225,7 @@ TEST_F(Daemon, WorksOnWhileItsWebSideHangsAndReplacesIt) {
 TEST_F(Daemon, WorksOnWhileItsWebSideIsFlooded) {
   std::atomic<bool> done{false};
   std::vector<std::thread> flood;
+  flood.reserve(4);
   for (int i = 0; i < 4; ++i)
     flood.emplace_back([&] {
       std::vector<int> open;
