@@ -4,6 +4,8 @@
 
 #include <Eigen/Geometry>
 
+#include "stereo/rectify.h"
+
 namespace wagonsight {
 namespace {
 
@@ -30,18 +32,22 @@ Matrix6 world_covariance(const ImagerSolution& imager, const Similarity& X_WB,
          from_world * georeference * from_world.transpose();
 }
 
-// The orientation both rectified imagers of a pair share: x along the baseline, z as near as can be
-// to the mean of both optical axes (Fusiello, Trucco and Verri 2000).
-Eigen::Quaterniond rectified_rotation(const Rigid& X_BL, const Rigid& X_BR) {
-  const Eigen::Vector3d x = (X_BR.position - X_BL.position).normalized();
-  const Eigen::Vector3d forward =
-      X_BL.rotation * Eigen::Vector3d::UnitZ() + X_BR.rotation * Eigen::Vector3d::UnitZ();
-  const Eigen::Vector3d y = forward.cross(x).normalized();
-  Eigen::Matrix3d R;
-  R.col(0) = x;
-  R.col(1) = y;
-  R.col(2) = x.cross(y);
-  return Eigen::Quaterniond(R).normalized();
+// A stereo camera is one sensor whose S is the rectified left imager, exactly as the unit will
+// rectify it; the lenses travel along for that.
+Result<void> describe_pair(const ImagerSolution& left, const ImagerSolution& right, double scale,
+                           RigSensor& sensor) {
+  Rigid X_LR = left.X_BS.inverse() * right.X_BS;
+  X_LR.position *= scale;
+  const auto rectified = make_rectification(left.camera, right.camera, X_LR);
+  if (!rectified) return fail(fmt::format("{}: {}", left.name, rectified.error().message));
+  sensor.camera = rectified->camera;
+  sensor.stereo = {rectified->baseline, left.camera, right.camera, X_LR};
+  sensor.X_BS = left.X_BS * rectified->X_LS;
+  sensor.rate_hz = 14;
+  const double focal_baseline = sensor.camera.fx * sensor.stereo.baseline;
+  sensor.noise.quantisation_per_z2 = 1.0 / (focal_baseline * 16);
+  sensor.noise.c = 0.25 / focal_baseline;
+  return {};
 }
 
 }  // namespace
@@ -82,17 +88,8 @@ Result<Rig> to_rig(const Solution& solution) {
       const ImagerSolution& right = solution.imagers[++i];
       if (right.name != name + ".right")
         return fail(fmt::format("{}: its right imager is missing in the solution", name));
-      sensor.stereo.baseline = X_WB.scale * (right.X_BS.position - imager.X_BS.position).norm();
-      sensor.X_BS.rotation = rectified_rotation(imager.X_BS, right.X_BS);
-      // The rectified image keeps the size and the mean focal length; it has no distortion.
-      const double focal = (imager.camera.fy + right.camera.fy) / 2;
-      sensor.camera.fx = sensor.camera.fy = focal;
-      sensor.camera.cx = (imager.camera.cx + right.camera.cx) / 2;
-      sensor.camera.cy = (imager.camera.cy + right.camera.cy) / 2;
-      sensor.camera.distortion = {};
-      sensor.rate_hz = 14;
-      sensor.noise.quantisation_per_z2 = 1.0 / (focal * sensor.stereo.baseline * 16);
-      sensor.noise.c = 0.25 / (focal * sensor.stereo.baseline);
+      if (auto described = describe_pair(imager, right, X_WB.scale, sensor); !described)
+        return fail(described.error().message);
     }
     sensor.name = std::string_view(name);
     sensor.X_WS.rotation = (X_WB.rotation * sensor.X_BS.rotation).normalized();

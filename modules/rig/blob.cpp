@@ -16,12 +16,12 @@ constexpr std::size_t kHeaderBytes = 64;
 constexpr std::size_t kEntryBytes = 32;
 constexpr std::size_t kDigestBytes = crypto_hash_sha256_BYTES;
 constexpr std::size_t kAlignment = 64;
-// A sensor's own and its rays' section each, the georeference and the provenance, and room for
-// kinds that come later.
+// A sensor's own, and its rays' or lenses' section each, the georeference and the provenance, and
+// room for kinds that come later.
 constexpr std::size_t kSectionsMax = 4 * kSensorsMax;
 constexpr std::uint16_t kNoSensor = 0xFFFF;
 
-enum class SectionKind : std::uint16_t { kProvenance = 1, kGeoreference, kSensor, kRays };
+enum class SectionKind : std::uint16_t { kProvenance = 1, kGeoreference, kSensor, kRays, kLenses };
 
 struct Section {
   SectionKind kind{};
@@ -62,6 +62,9 @@ std::string describe(const Section& section, const SensorNames& names) {
       break;
     case SectionKind::kRays:
       what = "rays";
+      break;
+    case SectionKind::kLenses:
+      what = "lenses";
       break;
     default:
       return fmt::format("of kind {}", static_cast<int>(section.kind));
@@ -231,6 +234,21 @@ Result<void> read_descriptions(std::span<const std::byte> bytes, const SectionTa
   return {};
 }
 
+// After read_descriptions(): the sensors they belong to are there.
+Result<void> read_lenses(std::span<const std::byte> bytes, const SectionTable& table, Rig& rig) {
+  for (const Section& section : table) {
+    if (section.kind != SectionKind::kLenses) continue;
+    const std::string what = describe(section, names_of(rig));
+    if (section.sensor_index >= rig.sensors.size())
+      return fail(fmt::format("section {} belongs to no sensor", what));
+    StereoGeometry& lenses = rig.sensors[section.sensor_index].stereo;
+    if (lenses.has_lenses()) return fail(fmt::format("section {} is there twice", what));
+    if (!read_section(slice(bytes, section), lenses) || !lenses.has_lenses())
+      return fail(fmt::format("section {} is not what it says it is", what));
+  }
+  return {};
+}
+
 // After check_rig(): image sizes are sane here.
 Result<void> find_rays(std::span<const std::byte> bytes, const SectionTable& table, RigBlob& blob) {
   for (const Section& section : table) {
@@ -261,8 +279,10 @@ Result<void> find_rays(std::span<const std::byte> bytes, const SectionTable& tab
 
 std::vector<std::byte> pack_blob(const Rig& rig) {
   const auto needs_rays = [](const RigSensor& s) { return s.kind == SensorKind::kKinect; };
-  const auto ray_sections = std::count_if(rig.sensors.begin(), rig.sensors.end(), needs_rays);
-  BlobWriter blob(2 + rig.sensors.size() + static_cast<std::size_t>(ray_sections));
+  const auto has_lenses = [](const RigSensor& s) { return s.stereo.has_lenses(); };
+  const auto extra_sections = std::count_if(rig.sensors.begin(), rig.sensors.end(), needs_rays) +
+                              std::count_if(rig.sensors.begin(), rig.sensors.end(), has_lenses);
+  BlobWriter blob(2 + rig.sensors.size() + static_cast<std::size_t>(extra_sections));
   blob.add(SectionKind::kProvenance, kNoSensor,
            [&](ByteWriter& out) { write_section(rig.provenance, out); });
   blob.add(SectionKind::kGeoreference, kNoSensor,
@@ -270,6 +290,10 @@ std::vector<std::byte> pack_blob(const Rig& rig) {
   const auto sensor_count = static_cast<std::uint16_t>(rig.sensors.size());
   for (std::uint16_t i = 0; i < sensor_count; ++i)
     blob.add(SectionKind::kSensor, i, [&](ByteWriter& out) { write_section(rig.sensors[i], out); });
+  for (std::uint16_t i = 0; i < sensor_count; ++i)
+    if (has_lenses(rig.sensors[i]))
+      blob.add(SectionKind::kLenses, i,
+               [&](ByteWriter& out) { write_section(rig.sensors[i].stereo, out); });
   for (std::uint16_t i = 0; i < sensor_count; ++i) {
     if (!needs_rays(rig.sensors[i])) continue;
     blob.add(SectionKind::kRays, i, [&](ByteWriter& out) {
@@ -300,6 +324,7 @@ Result<RigBlob> open_blob(std::span<const std::byte> bytes) {
   blob.rig.sensors.resize(*sensor_count);
   if (auto read = read_descriptions(bytes, *table, blob.rig); !read)
     return fail(read.error().message);
+  if (auto read = read_lenses(bytes, *table, blob.rig); !read) return fail(read.error().message);
   if (auto checked = check_rig(blob.rig); !checked) return fail(checked.error().message);
   if (auto found = find_rays(bytes, *table, blob); !found) return fail(found.error().message);
   return blob;

@@ -94,6 +94,13 @@ void sensor_fields(Archive& archive, Sensor& s) {
   matrix_fields(archive, s.covariance);
 }
 
+template <class Archive, class L>
+void lens_fields(Archive& archive, L& lenses) {
+  camera_fields(archive, lenses.left);
+  camera_fields(archive, lenses.right);
+  rigid_fields(archive, lenses.X_LR);
+}
+
 template <class Archive, class G>
 void georeference_fields(Archive& archive, G& g) {
   archive.flag(g.present);
@@ -118,6 +125,11 @@ void write_section(const RigSensor& sensor, ByteWriter& out) {
   sensor_fields(saver, sensor);
 }
 
+void write_section(const StereoGeometry& lenses, ByteWriter& out) {
+  Saver saver(out);
+  lens_fields(saver, lenses);
+}
+
 void write_section(const Georeference& georeference, ByteWriter& out) {
   Saver saver(out);
   georeference_fields(saver, georeference);
@@ -135,6 +147,12 @@ bool read_section(std::span<const std::byte> bytes, RigSensor& sensor) {
   sensor.kind = static_cast<SensorKind>(kind);
   sensor_fields(loader, sensor);
   return loader.complete() && kind <= static_cast<std::uint8_t>(SensorKind::kStereo);
+}
+
+bool read_section(std::span<const std::byte> bytes, StereoGeometry& lenses) {
+  Loader loader(bytes);
+  lens_fields(loader, lenses);
+  return loader.complete();
 }
 
 bool read_section(std::span<const std::byte> bytes, Georeference& georeference) {

@@ -11,12 +11,14 @@
 namespace wagonsight {
 
 void write_section(const RigSensor& sensor, ByteWriter& out);
+void write_section(const StereoGeometry& lenses, ByteWriter& out);  // all but the baseline
 void write_section(const Georeference& georeference, ByteWriter& out);
 void write_section(const Provenance& provenance, ByteWriter& out);
 
 // False when the bytes are too few, too many or no such structure; values are not judged
 // (check_rig() does that).
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, RigSensor& sensor);
+[[nodiscard]] bool read_section(std::span<const std::byte> bytes, StereoGeometry& lenses);
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, Georeference& georeference);
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, Provenance& provenance);
 

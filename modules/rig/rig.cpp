@@ -93,6 +93,11 @@ std::string broken_rule(const RigSensor& sensor) {
   rules.require_rigid("X_WS", sensor.X_WS.rotation, sensor.X_WS.position);
   const double baseline_min = sensor.kind == SensorKind::kStereo ? 1e-3 : 0;
   rules.require_between("baseline", sensor.stereo.baseline, baseline_min, 10);
+  if (sensor.stereo.has_lenses()) {
+    check_camera(sensor.stereo.left, rules);
+    check_camera(sensor.stereo.right, rules);
+    rules.require_rigid("X_LR", sensor.stereo.X_LR.rotation, sensor.stereo.X_LR.position);
+  }
   rules.require_between("trim_near", sensor.trim_near, 0, kTrimMax_m);
   rules.require_between("trim_far", sensor.trim_far, 0, kTrimMax_m);
   rules.require(sensor.trim_near < sensor.trim_far, "trim_near must be below trim_far");

@@ -32,6 +32,12 @@ struct DepthNoise {
 
 struct StereoGeometry {  // of a rectified pair; right = left shifted by `baseline` along +x of S
   double baseline = 0;
+  // What rectification starts from: the lenses as calibrated, and the right one's frame in the left
+  // one's (metres, the length is the baseline). Absent where images come rectified (width 0).
+  Camera left, right;
+  Rigid X_LR;
+
+  bool has_lenses() const { return left.width > 0; }
 };
 
 struct RigSensor {

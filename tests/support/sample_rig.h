@@ -29,6 +29,9 @@ inline Rig sample_rig(int width = 8, int height = 6) {
   rig.sensors[1].depth_offset = -0.004;
   rig.sensors[2].kind = SensorKind::kStereo;
   rig.sensors[2].stereo.baseline = 0.12;
+  rig.sensors[2].stereo.left = rig.sensors[2].stereo.right = rig.sensors[2].camera;
+  rig.sensors[2].stereo.right.cx += 3;
+  rig.sensors[2].stereo.X_LR = {from_omega_phi_kappa({0.01, -0.02, 0.005}), {0.12, 0.001, 0}};
   rig.sensors[2].camera.distortion = {};
   rig.georeference.present = true;
   rig.georeference.X_WB = {1.0004, from_omega_phi_kappa({0.2, 0.1, -2.0}), {2.5, 1.3, 0.8}};

@@ -8,21 +8,6 @@
 namespace wagonsight {
 namespace {
 
-// A solution that is the truth, so that the georeference is tested alone.
-Solution true_solution(const synthetic::RigWithTruth& rig) {
-  Solution solution;
-  solution.sigma0_px = 0.1;
-  const auto imagers = imagers_of(rig.sensors);
-  for (std::size_t i = 0; i < imagers.size(); ++i) {
-    ImagerSolution imager;
-    imager.name = imagers[i].name;
-    imager.camera = rig.cameras[i];
-    imager.X_BS = rig.X_BS[i];
-    solution.imagers.push_back(imager);
-  }
-  return solution;
-}
-
 std::vector<Target> targets_at(const synthetic::RigWithTruth& rig, const Similarity& X_WB,
                                const std::vector<Eigen::Vector3d>& points_B) {
   std::vector<Target> targets;
@@ -41,7 +26,7 @@ std::vector<Target> targets_at(const synthetic::RigWithTruth& rig, const Similar
 
 TEST(Georeference, RecoversTheSimilarityAndItsScale) {
   const auto rig = synthetic::make(1, {.poses = 2, .stereos = 0});
-  Solution solution = true_solution(rig);
+  Solution solution = synthetic::true_solution(rig);
   // The angles of the paper's Table 3, and its stereo cameras' scale.
   constexpr double kRad = 3.14159265358979 / 180;
   const Similarity X_WB{
@@ -59,7 +44,7 @@ TEST(Georeference, RecoversTheSimilarityAndItsScale) {
 
 TEST(Georeference, RefusesTooFewAndCollinearTargets) {
   const auto rig = synthetic::make(1, {.poses = 2, .stereos = 0});
-  Solution solution = true_solution(rig);
+  Solution solution = synthetic::true_solution(rig);
   auto two = targets_at(rig, {}, {{0, 0, 0}, {1, 0, 0}});
   const auto few = georeference(two, solution);
   ASSERT_FALSE(few);
@@ -74,7 +59,7 @@ TEST(Georeference, RefusesTooFewAndCollinearTargets) {
 
 TEST(Georeference, NamesATargetThatOneImagerSees) {
   const auto rig = synthetic::make(1, {.poses = 2, .stereos = 0});
-  Solution solution = true_solution(rig);
+  Solution solution = synthetic::true_solution(rig);
   auto targets = targets_at(rig, {}, {{0.2, 0.1, -0.3}, {0.7, 0.2, -0.5}, {0.1, 0.8, -0.7}});
   targets[1].seen.resize(1);
   const auto done = georeference(targets, solution);

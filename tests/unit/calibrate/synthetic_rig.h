@@ -126,4 +126,20 @@ inline RigWithTruth make(unsigned seed, const Options& options) {
   return rig;
 }
 
+// A solution that is the truth, so that what follows a solution is tested alone.
+inline Solution true_solution(const RigWithTruth& rig) {
+  Solution solution;
+  solution.sigma0_px = 0.1;
+  const auto imagers = imagers_of(rig.sensors);
+  for (std::size_t i = 0; i < imagers.size(); ++i) {
+    ImagerSolution imager;
+    imager.name = imagers[i].name;
+    imager.kind = rig.sensors[static_cast<std::size_t>(imagers[i].sensor_index)].kind;
+    imager.camera = rig.cameras[i];
+    imager.X_BS = rig.X_BS[i];
+    solution.imagers.push_back(imager);
+  }
+  return solution;
+}
+
 }  // namespace wagonsight::synthetic

@@ -39,6 +39,10 @@ Rig any_rig() {
     s.X_WS = any_rigid();
     s.has_pose = *rc::gen::arbitrary<bool>();
     s.stereo.baseline = real_in(0.01, 1);
+    if (*rc::gen::arbitrary<bool>()) {
+      s.stereo.left = s.stereo.right = s.camera;
+      s.stereo.X_LR = any_rigid();
+    }
     s.trim_near = real_in(0, 2);
     s.trim_far = real_in(2.1, 10);
     s.rate_hz = real_in(1, 60);

@@ -58,6 +58,10 @@ TEST(Blob, KeepsEveryFieldOfEverySensor) {
     EXPECT_EQ(a.noise.c, b.noise.c);
     EXPECT_EQ(a.noise.quantisation_per_z2, b.noise.quantisation_per_z2);
     EXPECT_EQ(a.stereo.baseline, b.stereo.baseline);
+    EXPECT_EQ(a.stereo.has_lenses(), b.stereo.has_lenses());
+    EXPECT_EQ(a.stereo.left.distortion, b.stereo.left.distortion);
+    EXPECT_EQ(a.stereo.right.cx, b.stereo.right.cx);
+    expect_same(a.stereo.X_LR, b.stereo.X_LR);
     EXPECT_EQ(a.trim_near, b.trim_near);
     EXPECT_EQ(a.trim_far, b.trim_far);
     EXPECT_EQ(a.rate_hz, b.rate_hz);
@@ -216,6 +220,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"scale", [](Rig& r) { r.sensors[0].depth_scale = 1000; },
                  "k0: depth_scale is 1000"},
         BadValue{"baseline", [](Rig& r) { r.sensors[2].stereo.baseline = 0; }, "s0: baseline is 0"},
+        BadValue{"lens", [](Rig& r) { r.sensors[2].stereo.right.fy = kNan; }, "s0: fy is nan"},
+        BadValue{"pair", [](Rig& r) { r.sensors[2].stereo.X_LR.position.x() = 5000; },
+                 "s0: X_LR's x is 5000"},
         BadValue{"variance", [](Rig& r) { r.sensors[0].covariance(3, 3) = -1; },
                  "k0: its covariance has a negative variance"},
         BadValue{"asymmetric", [](Rig& r) { r.sensors[0].covariance(0, 3) = 0.1; },
