@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "commands.h"
+#include "version.h"
 
 using namespace wagonsight;
 
@@ -13,7 +14,7 @@ int main(int argc, char** argv) {
   CLI::App app{
       "wagonsight-calibrate finds where every camera of a wagon stands, and how well that is "
       "known."};
-  app.set_version_flag("--version", std::string("wagonsight-calibrate ") + WAGONSIGHT_VERSION);
+  app.set_version_flag("--version", fmt::format("wagonsight-calibrate {}", kVersionText));
   app.require_subcommand(1);
 
   DetectArguments detect;

@@ -23,7 +23,7 @@ void declare(CommandLine& line) {
   CLI::App& app = line.app;
   app.name("wagonsight");
   app.description("wagonsight: who is where in a railway wagon, from its depth cameras.");
-  app.set_version_flag("--version", kVersionText);
+  app.set_version_flag("--version", fmt::format("wagonsight {}", kVersionText));
   app.require_subcommand(1);
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
     const std::string name = chosen_name(*failed);
