@@ -77,8 +77,8 @@ def part_of_include(header, path, root):
             folder = root / "modules" / first if part == first else root / part
             if folder.is_dir():
                 return part
-    neighbours = (path.parent / header, path.parent / f"{header}.in")  # .in: written by CMake
-    return None if any(neighbour.exists() for neighbour in neighbours) else "?"
+    written_by_cmake = path.parent.parent / f"{header}.in"
+    return None if (path.parent / header).exists() or written_by_cmake.exists() else "?"
 
 
 def check_file(path, root, plan, complain):
