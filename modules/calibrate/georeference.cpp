@@ -9,10 +9,13 @@
 #include <numbers>
 #include <set>
 
+#include "calibrate/reprojection.h"
+
 namespace wagonsight {
 namespace {
 
 using Json = nlohmann::json;
+using calibration::skew;
 
 const ImagerSolution* find_imager(const Solution& solution, const std::string& name) {
   for (const ImagerSolution& imager : solution.imagers)
@@ -52,13 +55,6 @@ Result<Target> parse_target(const Json& json, std::size_t index, std::string_vie
     target.seen.push_back({item["sensor"].get<std::string>(), *pixel});
   }
   return target;
-}
-
-// Skew-symmetric matrix: skew(a) b = a x b.
-Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d S;
-  S << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return S;
 }
 
 Similarity umeyama(const std::vector<Eigen::Vector3d>& from,

@@ -4,7 +4,9 @@
 
 #include <toml++/toml.h>
 #include <array>
+#include <cmath>
 #include <set>
+#include <span>
 
 namespace wagonsight {
 namespace {
@@ -22,7 +24,11 @@ constexpr std::array kKnownKeys = {"name",
                                    "focal_sigma_relative",
                                    "centre_sigma_px",
                                    "baseline_m",
-                                   "baseline_sigma_m"};
+                                   "baseline_sigma_m",
+                                   "depth"};
+
+constexpr std::array kDepthKeys = {"through", "width", "height",     "fx",      "fy",
+                                   "cx",      "cy",    "distortion", "position"};
 
 std::string at(std::string_view file, const toml::node& node) {
   return fmt::format("{}:{}", file, node.source().begin.line);
@@ -38,6 +44,14 @@ Result<std::optional<double>> number(const toml::table& table, std::string_view 
     return fail(
         fmt::format("{}: {} must be a number between {} and {}", at(file, *node), key, low, high));
   return value;
+}
+
+Result<void> refuse_unknown_keys(const toml::table& table, std::span<const char* const> known,
+                                 std::string_view what, std::string_view file) {
+  for (const auto& [key, node] : table)
+    if (std::none_of(known.begin(), known.end(), [&](const char* k) { return key.str() == k; }))
+      return fail(fmt::format("{}: {} is not a key of {}", at(file, node), key.str(), what));
+  return {};
 }
 
 struct Ranged {
@@ -91,13 +105,57 @@ Result<std::optional<Camera>> read_start(const toml::table& table, const SensorS
   return std::optional<Camera>(camera);
 }
 
-Result<SensorSpec> parse_sensor(const toml::table& table, std::string_view file) {
-  for (const auto& [key, node] : table) {
-    const bool known = std::any_of(kKnownKeys.begin(), kKnownKeys.end(),
-                                   [&](const char* k) { return key.str() == k; });
-    if (!known)
-      return fail(fmt::format("{}: {} is not a key of a sensor", at(file, node), key.str()));
+// [sensor.depth]: through = "colour" | "infrared"; for colour the depth camera's intrinsics, and
+// optionally where it is.
+Result<std::optional<DepthCameraSpec>> read_depth(const toml::table& sensor, const SensorSpec& spec,
+                                                  std::string_view file) {
+  if (!sensor.contains("depth")) return std::optional<DepthCameraSpec>();
+  const toml::table* table = sensor["depth"].as_table();
+  if (table == nullptr || spec.kind != SensorKind::kKinect)
+    return fail(fmt::format("{}: sensor {}: [sensor.depth] describes the depth camera of a kinect",
+                            at(file, sensor), spec.name));
+  if (auto known = refuse_unknown_keys(*table, kDepthKeys, "a depth camera", file); !known)
+    return fail(known.error().message);
+  DepthCameraSpec depth;
+  const auto through = (*table)["through"].value_or(std::string());
+  if (through != "colour" && through != "infrared")
+    return fail(fmt::format(
+        "{}: sensor {}: through = \"{}\" must name the image that is calibrated, \"colour\" or "
+        "\"infrared\"",
+        at(file, *table), spec.name, through));
+  depth.from_infrared = through == "infrared";
+  if (depth.from_infrared) return std::optional<DepthCameraSpec>(depth);
+  double width = 0, height = 0;
+  Eigen::Vector3d& position = depth.X_CS.position;
+  const auto read = read_numbers(
+      *table, {{"width", 16, 16384, &width, true}, {"height", 16, 16384, &height, true}}, file);
+  if (!read) return fail(read.error().message);
+  SensorSpec sizes;
+  sizes.width = static_cast<int>(width);
+  sizes.height = static_cast<int>(height);
+  sizes.name = spec.name;
+  sizes.fix_intrinsics = true;  // so that they must be there
+  auto camera = read_start(*table, sizes, file);
+  if (!camera) return fail(camera.error().message);
+  depth.camera = **camera;
+  // Kinect v1's depth camera sits 25 mm beside its colour camera.
+  position = {-0.025, 0, 0};
+  if (const toml::array* list = (*table)["position"].as_array()) {
+    if (list->size() != 3)
+      return fail(fmt::format("{}: position is [x, y, z] in metres", at(file, *list)));
+    for (int i = 0; i < 3; ++i) {
+      const auto value = (*list)[static_cast<std::size_t>(i)].value<double>();
+      if (!value || !(std::abs(*value) < 1))
+        return fail(fmt::format("{}: position is [x, y, z] in metres", at(file, *list)));
+      position[i] = *value;
+    }
   }
+  return std::optional<DepthCameraSpec>(depth);
+}
+
+Result<SensorSpec> parse_sensor(const toml::table& table, std::string_view file) {
+  if (auto known = refuse_unknown_keys(table, kKnownKeys, "a sensor", file); !known)
+    return fail(known.error().message);
   SensorSpec spec;
   spec.name = table["name"].value_or(std::string());
   if (spec.name.empty() || spec.name.size() > Name::capacity())
@@ -126,6 +184,9 @@ Result<SensorSpec> parse_sensor(const toml::table& table, std::string_view file)
   auto start = read_start(table, spec, file);
   if (!start) return fail(start.error().message);
   spec.start = *start;
+  auto depth = read_depth(table, spec, file);
+  if (!depth) return fail(depth.error().message);
+  spec.depth = *depth;
   return spec;
 }
 

@@ -4,15 +4,24 @@
 
 #include <Eigen/Geometry>
 
+#include "calibrate/reprojection.h"
 #include "stereo/rectify.h"
 
 namespace wagonsight {
 namespace {
 
-Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d S;
-  S << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return S;
+using calibration::skew;
+
+// Of X_BS where S is the depth camera: the imager's own and that of the way from it to S.
+Matrix6 board_covariance(const ImagerSolution& imager) {
+  if (!imager.depth) return imager.covariance;
+  const Eigen::Matrix3d R = imager.X_BS.rotation.toRotationMatrix();
+  Matrix6 from_imager = Matrix6::Identity();
+  from_imager.bottomLeftCorner<3, 3>() = -skew(R * imager.depth->X_CS.position);
+  Matrix6 turn = Matrix6::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R;
+  return from_imager * imager.covariance * from_imager.transpose() +
+         turn * imager.depth->covariance.topLeftCorner<6, 6>() * turn.transpose();
 }
 
 // First-order propagation to (rotation in W, position in W) of X_WS.
@@ -22,14 +31,15 @@ Matrix6 world_covariance(const ImagerSolution& imager, const Similarity& X_WB,
   Matrix6 from_board = Matrix6::Zero();
   from_board.topLeftCorner<3, 3>() = R;
   from_board.bottomRightCorner<3, 3>() = X_WB.scale * R;
-  const Eigen::Vector3d turned = R * imager.X_BS.position;
+  const Eigen::Vector3d turned = R * imager.measuring_X_BS().position;
   Eigen::Matrix<double, 6, 7> from_world = Eigen::Matrix<double, 6, 7>::Zero();
   from_world.topLeftCorner<3, 3>().setIdentity();
   from_world.bottomLeftCorner<3, 3>() = -skew(X_WB.scale * turned);
   from_world.block<3, 3>(3, 3).setIdentity();
   from_world.bottomRightCorner<3, 1>() = turned;
-  return from_board * imager.covariance * from_board.transpose() +
-         from_world * georeference * from_world.transpose();
+  const Matrix6 covariance = from_board * board_covariance(imager) * from_board.transpose() +
+                             from_world * georeference * from_world.transpose();
+  return (covariance + covariance.transpose()) / 2;
 }
 
 // A stereo camera is one sensor whose S is the rectified left imager, exactly as the unit will
@@ -78,8 +88,13 @@ Result<Rig> to_rig(const Solution& solution) {
     RigSensor sensor;
     sensor.kind = imager.kind;
     std::string name = imager.name;
-    sensor.camera = imager.camera;
-    sensor.X_BS = imager.X_BS;
+    sensor.camera = imager.measuring_camera();
+    sensor.X_BS = imager.measuring_X_BS();
+    if (imager.depth) {
+      // The correction is to the board's metres; lambda takes those to the world's.
+      sensor.depth_scale = X_WB.scale * imager.depth->scale;
+      sensor.depth_offset = X_WB.scale * imager.depth->offset_m;
+    }
     if (imager.kind == SensorKind::kStereo) {
       if (!name.ends_with(".left") || i + 1 >= solution.imagers.size())
         return fail(

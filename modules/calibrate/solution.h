@@ -15,6 +15,28 @@ namespace wagonsight {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
+// A Kinect's depth camera S as seen from the calibrated imager C; see depth_calibration.h.
+struct DepthCalibration {
+  bool from_infrared = false;
+  Camera camera;  // of S; a pixel offset is in its centre already
+  Rigid X_CS;     // identity for infrared
+  // z = scale * reading + offset, in the board's metres (the georeference's scale comes on top).
+  double scale = 1, offset_m = 0;
+  Eigen::Vector2d pixel_offset = Eigen::Vector2d::Zero();  // infrared pixel minus depth pixel
+  // Rotation of X_CS (small, in C, rad), its position (m), scale, offset (m), pixel offset (px);
+  // zero where not estimated.
+  Eigen::Matrix<double, 10, 10> covariance = Eigen::Matrix<double, 10, 10>::Zero();
+  int views = 0, readings = 0;
+  double rms_m = 0;         // of the readings from the boards' planes
+  double mean_depth_m = 0;  // where the boards were
+};
+
+// What the Kinects' depth says of the board's stated size.
+struct ScaleCheck {
+  double square_m = 0, sigma_m = 0;
+  bool agrees = true;  // within 2%
+};
+
 // A solved imager. Residuals are measured minus reprojected, pixels.
 struct ImagerSolution {
   std::string name;
@@ -30,7 +52,12 @@ struct ImagerSolution {
   int rejected = 0;
   double rms_px = 0;                 // root mean square of the residuals' lengths
   double rms_px_per_coordinate = 0;  // rms_px / sqrt(2)
-  double held_out_rms_px = 0;        // of corners the solution had not seen; 0: too few views
+  double held_out_rms_px = 0;        // of a third of the views, unseen; 0: too few views
+  std::optional<DepthCalibration> depth;
+
+  // S, the frame of what the sensor measures: the depth camera where there is one.
+  Camera measuring_camera() const { return depth ? depth->camera : camera; }
+  Rigid measuring_X_BS() const { return depth ? X_BS * depth->X_CS : X_BS; }
 };
 
 struct ViewSolution {
@@ -47,6 +74,17 @@ struct ViewSolution {
 struct BoardPose {
   std::string name;
   Rigid X_BP;  // of this pose's board to the reference pose, which defines B
+  // Of X_BP, as ImagerSolution::covariance; zero for the reference pose.
+  Matrix6 covariance = Matrix6::Zero();
+};
+
+// The two imagers of a stereo camera as one rigid body: what rectification and depth depend on.
+struct StereoPair {
+  std::string name;
+  Rigid X_LR;  // the right imager's frame in the left one's
+  // Of X_LR: small rotation in L (rad), then position in L (m).
+  Matrix6 covariance = Matrix6::Zero();
+  double baseline_m = 0, baseline_sigma_m = 0;
 };
 
 struct Georeferenced {
@@ -61,8 +99,13 @@ struct Solution {
   std::string reference_pose;
   std::vector<ImagerSolution> imagers;
   std::vector<BoardPose> poses;
+  std::vector<StereoPair> pairs;
+  // Of all X_BS together, six rows an imager in their order: what differences of imagers (and so
+  // what several of them see together) depend on. Empty: unknown.
+  Eigen::MatrixXd joint_covariance;
   std::vector<ViewSolution> views;
-  double sigma0_px = 0;              // standard deviation of one coordinate, from the residuals
+  double sigma0_px = 0;  // standard deviation of one coordinate, from the residuals
+  std::optional<ScaleCheck> scale_check;
   std::vector<std::string> remarks;  // wrong IDs, mirrored or shifted boards, weak views: sentences
   std::optional<Georeferenced> georeference;
 };

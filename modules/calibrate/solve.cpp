@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "calibrate/problem.h"
+#include "calibrate/reprojection.h"
 
 namespace wagonsight {
 namespace {
@@ -119,7 +120,8 @@ void tell_imagers(const Problem& problem, const Adjustment& adjustment,
     told.camera.height = spec.height;
     told.intrinsics_fixed = spec.fix_intrinsics;
     told.X_BS = problem.X_SB[i].inverse();
-    told.covariance = adjustment.covariance[i];
+    const auto at = 6 * static_cast<Eigen::Index>(i);
+    told.covariance = adjustment.joint.block<6, 6>(at, at);
     told.sigma_intrinsics = adjustment.sigma_intrinsics[i];
     told.held_out_rms_px = held_out.empty() ? 0 : held_out[i];
     double sum = 0;
@@ -136,6 +138,30 @@ void tell_imagers(const Problem& problem, const Adjustment& adjustment,
     }
     told.rms_px = told.corners > 0 ? std::sqrt(sum / told.corners) : 0;
     told.rms_px_per_coordinate = told.rms_px / std::numbers::sqrt2;
+  }
+}
+
+// X_LR = X_BL^-1 X_BR, and what the joint covariance makes of it.
+void tell_pairs(const Problem& problem, Solution& solution) {
+  for (std::size_t i = 0; i + 1 < problem.imagers.size(); ++i) {
+    if (problem.imagers[i].sensor_index != problem.imagers[i + 1].sensor_index) continue;
+    const Rigid &X_BL = solution.imagers[i].X_BS, &X_BR = solution.imagers[i + 1].X_BS;
+    StereoPair& pair = solution.pairs.emplace_back();
+    pair.name = problem.spec(static_cast<int>(i)).name;
+    pair.X_LR = X_BL.inverse() * X_BR;
+    const Eigen::Matrix3d R_t = X_BL.rotation.toRotationMatrix().transpose();
+    const Eigen::Vector3d between = X_BR.position - X_BL.position;
+    Eigen::Matrix<double, 6, 12> J = Eigen::Matrix<double, 6, 12>::Zero();
+    J.block<3, 3>(0, 0) = -R_t;
+    J.block<3, 3>(0, 6) = R_t;
+    J.block<3, 3>(3, 0) = R_t * calibration::skew(between);
+    J.block<3, 3>(3, 3) = -R_t;
+    J.block<3, 3>(3, 9) = R_t;
+    const auto at = 6 * static_cast<Eigen::Index>(i);
+    pair.covariance = J * solution.joint_covariance.block<12, 12>(at, at) * J.transpose();
+    pair.baseline_m = between.norm();
+    const Eigen::Vector3d along = pair.X_LR.position / pair.baseline_m;
+    pair.baseline_sigma_m = std::sqrt(along.dot(pair.covariance.bottomRightCorner<3, 3>() * along));
   }
 }
 
@@ -158,7 +184,7 @@ Result<Solution> solve(const Observations& observations, const std::vector<Senso
   if (!adjustment) return fail(adjustment.error().message);
   std::vector<double> held_out;
   if (options.hold_out)
-    held_out = calibration::held_out_errors(problem, options.robust_px, options.iterations_max);
+    held_out = calibration::held_out_errors(problem, sigma_px, options.iterations_max);
   Solution solution;
   solution.board = observations.board;
   solution.reference_pose = problem.pose_names[static_cast<std::size_t>(problem.reference_pose)];
@@ -168,7 +194,9 @@ Result<Solution> solve(const Observations& observations, const std::vector<Senso
   tell_views(problem, solution);
   tell_imagers(problem, *adjustment, held_out, solution);
   for (std::size_t p = 0; p < problem.pose_names.size(); ++p)
-    solution.poses.push_back({problem.pose_names[p], problem.X_BP[p]});
+    solution.poses.push_back({problem.pose_names[p], problem.X_BP[p], adjustment->poses[p]});
+  solution.joint_covariance = adjustment->joint;
+  tell_pairs(problem, solution);
   return solution;
 }
 

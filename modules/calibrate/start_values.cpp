@@ -1,5 +1,5 @@
-// Start values: intrinsics by Zhang's method, a resection for every view, and a walk over the graph
-// of imagers that share board poses.
+// Start values: a resection for every view, and a walk over the graph of imagers that share board
+// poses.
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
@@ -30,40 +30,6 @@ cv::Mat distortion_of(const Camera& camera) {
   return cv::Mat(1, 5, CV_64F, const_cast<double*>(camera.distortion.data())).clone();
 }
 
-// Corners of a view that agree with one homography; wrong IDs mostly do not.
-std::vector<Corner> consistent_corners(const Board& board, const View& view) {
-  std::vector<cv::Point2d> on_board, in_image;
-  for (const Corner& corner : view.corners) {
-    const Eigen::Vector3d p = board.point(corner.id);
-    on_board.emplace_back(p.x(), p.y());
-    in_image.emplace_back(corner.pixel.x(), corner.pixel.y());
-  }
-  if (view.corners.size() < 4) return {};  // fewer fix no homography
-  constexpr double kDistortedPx = 6;       // a homography knows no distortion
-  std::vector<unsigned char> inlier;
-  cv::setRNGSeed(0);
-  const cv::Mat H = cv::findHomography(on_board, in_image, cv::RANSAC, kDistortedPx, inlier);
-  std::vector<Corner> kept;
-  if (H.empty()) return kept;
-  for (std::size_t i = 0; i < view.corners.size(); ++i)
-    if (inlier[i]) kept.push_back(view.corners[i]);
-  return kept;
-}
-
-// Corners on one line fix no pose.
-bool spans_the_plane(const Board& board, const std::vector<Corner>& corners) {
-  if (corners.size() < 4) return false;
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const Corner& c : corners) mean += board.point(c.id).head<2>();
-  mean /= static_cast<double>(corners.size());
-  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-  for (const Corner& c : corners) {
-    const Eigen::Vector2d d = board.point(c.id).head<2>() - mean;
-    scatter += d * d.transpose();
-  }
-  return scatter.determinant() > 1e-4 * scatter.trace() * scatter.trace();
-}
-
 Resection resect(const Problem& problem, int imager, const View& view) {
   Resection result;
   const std::vector<Corner> corners = consistent_corners(problem.board, view);
@@ -92,49 +58,6 @@ Resection resect(const Problem& problem, int imager, const View& view) {
   return result;
 }
 
-Result<void> start_camera(Problem& problem, int imager) {
-  const SensorSpec& spec = problem.spec(imager);
-  Camera& camera = problem.cameras[static_cast<std::size_t>(imager)];
-  const std::string& name = problem.imagers[static_cast<std::size_t>(imager)].name;
-  if (spec.start) {
-    camera = *spec.start;
-    return {};
-  }
-  std::vector<std::vector<cv::Point3f>> objects;
-  std::vector<std::vector<cv::Point2f>> images;
-  for (std::size_t v = 0; v < problem.views.size(); ++v) {
-    if (problem.view_imager[v] != imager) continue;
-    const auto corners = consistent_corners(problem.board, problem.views[v]);
-    if (corners.size() < 8 || !spans_the_plane(problem.board, corners)) continue;
-    auto& object = objects.emplace_back();
-    auto& image = images.emplace_back();
-    for (const Corner& corner : corners) {
-      const Eigen::Vector3f p = problem.board.point(corner.id).cast<float>();
-      object.emplace_back(p.x(), p.y(), 0.0F);
-      image.emplace_back(static_cast<float>(corner.pixel.x()),
-                         static_cast<float>(corner.pixel.y()));
-    }
-  }
-  if (objects.size() < 3)
-    return fail(
-        fmt::format("{}: its intrinsics are not given and {} usable views cannot tell them; "
-                    "state fx, fy, cx, cy or take at least three tilted views",
-                    name, objects.size()));
-  cv::Mat K = cv::initCameraMatrix2D(objects, images, {spec.width, spec.height});
-  cv::Mat D = cv::Mat::zeros(1, 5, CV_64F);
-  std::vector<cv::Mat> rotations, positions;
-  cv::calibrateCamera(objects, images, {spec.width, spec.height}, K, D, rotations, positions,
-                      cv::CALIB_USE_INTRINSIC_GUESS | cv::CALIB_FIX_K3);
-  camera.width = spec.width;
-  camera.height = spec.height;
-  camera.fx = K.at<double>(0, 0);
-  camera.fy = K.at<double>(1, 1);
-  camera.cx = K.at<double>(0, 2);
-  camera.cy = K.at<double>(1, 2);
-  for (int i = 0; i < 5; ++i) camera.distortion[static_cast<std::size_t>(i)] = D.at<double>(i);
-  return {};
-}
-
 // How far two rigid motions are apart, metres, with a lever of one metre for the rotation.
 double distance(const Rigid& a, const Rigid& b) {
   return (a.position - b.position).norm() + a.rotation.angularDistance(b.rotation);
@@ -145,7 +68,14 @@ struct Vote {
   Rigid X;
   double median_distance = std::numeric_limits<double>::infinity();
 };
-Vote medoid(const std::vector<std::vector<Rigid>>& candidates_by_pose) {
+Vote medoid(std::vector<std::vector<Rigid>> candidates_by_pose) {
+  // The vote costs the square of the poses; some sixty, evenly taken, decide as well as thousands.
+  constexpr std::size_t kVotersMax = 60;
+  if (const std::size_t n = candidates_by_pose.size(); n > kVotersMax) {
+    for (std::size_t i = 0; i < kVotersMax; ++i)
+      candidates_by_pose[i] = candidates_by_pose[i * n / kVotersMax];
+    candidates_by_pose.resize(kVotersMax);
+  }
   Vote best;
   for (const auto& candidates : candidates_by_pose)
     for (const Rigid& candidate : candidates) {
@@ -193,6 +123,7 @@ class StartValues {
   std::vector<Resection> resections_;
   std::vector<Rigid> X_SR_;  // imager from the root imager
   std::vector<bool> imager_known_;
+  std::vector<std::vector<std::size_t>> views_of_pose_;
   std::vector<Rigid> X_RP_;  // board pose in the root imager
   std::vector<bool> pose_known_;
 };
@@ -255,9 +186,9 @@ void StartValues::walk_the_graph() {
 
 double StartValues::pose_cost(int pose, const Rigid& X_RP) const {
   double cost = 0;
-  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+  for (const std::size_t v : views_of_pose_[static_cast<std::size_t>(pose)]) {
     const int imager = problem_.view_imager[v];
-    if (problem_.view_pose[v] != pose || !imager_known_[static_cast<std::size_t>(imager)]) continue;
+    if (!imager_known_[static_cast<std::size_t>(imager)]) continue;
     const Rigid X_SP = X_SR_[static_cast<std::size_t>(imager)] * X_RP;
     for (const Corner& corner : problem_.views[v].corners) {
       const double e = (reproject(problem_, imager, X_SP, corner.id) - corner.pixel).squaredNorm();
@@ -270,6 +201,9 @@ double StartValues::pose_cost(int pose, const Rigid& X_RP) const {
 
 void StartValues::place_boards() {
   const std::size_t n = problem_.pose_names.size();
+  views_of_pose_.assign(n, {});
+  for (std::size_t v = 0; v < problem_.views.size(); ++v)
+    views_of_pose_[static_cast<std::size_t>(problem_.view_pose[v])].push_back(v);
   X_RP_.assign(n, Rigid{});
   pose_known_.assign(n, false);
   std::vector<double> best(n, std::numeric_limits<double>::infinity());
@@ -388,13 +322,17 @@ void StartValues::repair_shifted_views() {
         problem_.views[v].imager,
         problem_.views[v].image.empty() ? problem_.views[v].pose : problem_.views[v].image));
   }
-  for (std::size_t v = problem_.views.size(); v-- > 0;) {
-    if (keep[v]) continue;
-    const auto at = static_cast<std::ptrdiff_t>(v);
-    problem_.views.erase(problem_.views.begin() + at);
-    problem_.view_imager.erase(problem_.view_imager.begin() + at);
-    problem_.view_pose.erase(problem_.view_pose.begin() + at);
+  std::size_t kept = 0;
+  for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    if (!keep[v]) continue;
+    if (kept != v) problem_.views[kept] = std::move(problem_.views[v]);
+    problem_.view_imager[kept] = problem_.view_imager[v];
+    problem_.view_pose[kept] = problem_.view_pose[v];
+    ++kept;
   }
+  problem_.views.resize(kept);
+  problem_.view_imager.resize(kept);
+  problem_.view_pose.resize(kept);
 }
 
 Result<void> StartValues::express_in_reference() {
