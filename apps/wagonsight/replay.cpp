@@ -20,10 +20,11 @@ namespace {
 
 constexpr std::string_view kCausal = "causal";
 constexpr std::string_view kWhole = "whole";
+constexpr std::string_view kNone = "none";
 
 struct ReplayOptions {
-  std::string recording, config, rig, out;
-  std::string background;  // causal, whole or a file; empty: what suits the recording
+  std::string recording, config, rig, sensor, out;
+  std::string background;  // causal, whole, none or a file
   std::string save_background, clouds, timing;
   bool realtime = false;
   bool skip_damaged = false;
@@ -47,7 +48,6 @@ class Replay {
   Result<void> process_all(OutputFile& out);
   Result<void> write_cloud(std::uint64_t index);
   void wait_for(HostTime instant);
-  std::string background() const;
   tl::unexpected<Error> in_recording(const Error& error) const {
     const bool is_damage = recording_.reader->cursor().damaged_chunks() > 0;
     return fail(fmt::format("{} {}{}", recording_.path, error.message,
@@ -66,14 +66,9 @@ class Replay {
   std::uint64_t set_count_ = 0;
 };
 
-std::string Replay::background() const {
-  if (!options_.background.empty()) return options_.background;
-  return std::string(setup_.had_pose ? kCausal : kWhole);
-}
-
 Result<void> Replay::prepare_background() {
-  const std::string choice = background();
-  if (choice == kCausal) return {};
+  const std::string& choice = options_.background;
+  if (choice == kCausal || choice == kNone) return {};
   if (choice != kWhole) {
     const auto file = InputFile::open(choice);
     if (!file) return tl::unexpected(file.error());
@@ -149,8 +144,11 @@ Result<void> Replay::run() {
     if (auto done = write_file(options_.timing, timings_.to_json(recorded)); !done) return done;
   const std::string trouble = recording_trouble(recording_);
   if (!trouble.empty()) fmt::print(stderr, "wagonsight replay: {}\n", trouble);
-  fmt::print("{}: {} instants over {:.1f} s, background {}\n", options_.out, set_count_,
-             to_seconds(recorded), background());
+  if (!setup_.remark.empty())
+    fmt::print(stderr, "wagonsight replay: {}: {}\n", recording_.path, setup_.remark);
+  fmt::print("{}: {} instants over {:.1f} s, background {}{}{}\n", options_.out, set_count_,
+             to_seconds(recorded), options_.background, setup_.background_reason,
+             setup_.floor_found);
   return {};
 }
 
@@ -167,15 +165,38 @@ Result<std::unique_ptr<Pipeline>> make_pipeline(ReplaySetup& setup, bool leaf_is
   }
 }
 
-Result<void> replay(const ReplayOptions& options) {
+// What suits the recording where nothing was asked for.
+std::string suitable_background(ReplaySetup& setup) {
+  // From here on learning counts better than looking at shapes, on parts of real recordings.
+  constexpr std::uint64_t kFramesMin = 8;
+  const std::uint64_t frames = setup.frame_count / setup.rig.sensors.size();
+  if (frames < kFramesMin) {
+    setup.background_reason = fmt::format(
+        " ({} frame{} of a sensor are too few to learn one; people are told by their shape)",
+        frames, frames == 1 ? "" : "s");
+    return std::string(kNone);
+  }
+  return std::string(setup.had_pose ? kCausal : kWhole);
+}
+
+Result<void> replay(ReplayOptions options) {
   const DamagePolicy policy = options.skip_damaged ? DamagePolicy::kSkip : DamagePolicy::kStop;
   auto recording = open_recording(options.recording, policy);
   if (!recording) return tl::unexpected(recording.error());
+  if (!options.sensor.empty())
+    if (auto taken = recording->reader->take_only(options.sensor); !taken)
+      return fail(fmt::format("{} {}", options.recording, taken.error().message));
   auto setup = set_up_replay(*recording, options.config, options.rig);
   if (!setup) return tl::unexpected(setup.error());
+  if (options.background.empty()) options.background = suitable_background(*setup);
+  setup->options.without_background = options.background == kNone;
+  if (setup->options.without_background && !options.save_background.empty())
+    return fail(fmt::format(
+        "{}: with --background none nothing is learned that --save-background could write",
+        options.save_background));
   auto pipeline = make_pipeline(*setup, !options.config.empty());
   if (!pipeline) return fail(fmt::format("{}: {}", options.recording, pipeline.error().message));
-  Replay run(options, std::move(*recording), std::move(*setup), std::move(*pipeline));
+  Replay run(std::move(options), std::move(*recording), std::move(*setup), std::move(*pipeline));
   return run.run();
 }
 
@@ -191,10 +212,13 @@ void add_replay(CommandLine& line) {
                       "Settings (TOML); without them, defaults that suit one such recording");
   command->add_option("--rig", options->rig,
                       "Calibration blob instead of the recording's own calibration");
+  command->add_option("--sensor", options->sensor,
+                      "This sensor's frames alone (default: those of all together)");
   command->add_option("--background", options->background,
                       "causal: learn as it goes; whole: learn from the whole recording first; or a "
-                      "file that --save-background wrote. Default: causal, and whole where the "
-                      "recording's sensor has no pose");
+                      "file that --save-background wrote; none: learn nothing, tell people from "
+                      "furniture by their shape. Default: causal; whole where the recording's "
+                      "sensor has no pose; none where it has fewer than eight frames");
   command->add_option("--save-background", options->save_background,
                       "Write the background as it is after the replay");
   command->add_option("--clouds", options->clouds,

@@ -99,23 +99,30 @@ Result<bool> take_scene(const RecordingFile& recording, ReplaySetup& setup) {
   return true;
 }
 
-// A dozen images spread over the recording.
-Result<std::vector<std::vector<std::uint16_t>>> sample_images(RecordingFile& recording) {
-  constexpr std::size_t kImages = 12;
-  RecordingReader& reader = *recording.reader;
+// Of all sensors together; read through where the recording has no summary.
+Result<std::uint64_t> count_frames(RecordingReader& reader) {
+  if (const std::uint64_t stated = reader.stated_frame_count(); stated > 0) return stated;
   std::vector<std::byte> memory(reader.slot_bytes());
   FrameSlot slot;
   slot.bytes = memory;
-  std::uint64_t frames = reader.stated_frame_count();
-  if (frames == 0) {  // no summary: count them
-    while (true) {
-      const auto more = reader.next(slot);
-      if (!more) return tl::unexpected(more.error());
-      if (!*more) break;
-      ++frames;
-    }
-    reader.rewind();
+  std::uint64_t frames = 0;
+  while (true) {
+    const auto more = reader.next(slot);
+    if (!more) return tl::unexpected(more.error());
+    if (!*more) break;
+    ++frames;
   }
+  reader.rewind();
+  return frames;
+}
+
+// A dozen images spread over the recording.
+Result<std::vector<std::vector<std::uint16_t>>> sample_images(RecordingReader& reader,
+                                                              std::uint64_t frames) {
+  constexpr std::size_t kImages = 12;
+  std::vector<std::byte> memory(reader.slot_bytes());
+  FrameSlot slot;
+  slot.bytes = memory;
   const std::uint64_t step = std::max<std::uint64_t>(1, frames / kImages);
   std::vector<std::vector<std::uint16_t>> images;
   for (std::uint64_t i = 0;; ++i) {
@@ -130,21 +137,37 @@ Result<std::vector<std::vector<std::uint16_t>>> sample_images(RecordingFile& rec
   return images;
 }
 
+std::string names_of(const Rig& rig) {
+  std::string names;
+  for (const RigSensor& sensor : rig.sensors)
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", sensor.name.view());
+  return names;
+}
+
 Result<void> place_alone(RecordingFile& recording, ReplaySetup& setup) {
   RigSensor& sensor = setup.rig.sensors[0];
   if (setup.rig.sensors.size() > 1)
     return fail(
-        fmt::format("{}: sensor {} has no pose, and with several sensors one is needed of "
-                    "each; calibrate them and give the blob with --rig",
-                    recording.path, sensor.name.view()));
-  const auto images = sample_images(recording);
+        fmt::format("{} has several sensors ({}), and their poses are not known: choose one with "
+                    "--sensor, or calibrate them and give the blob with --rig",
+                    recording.path, names_of(setup.rig)));
+  const auto images = sample_images(*recording.reader, setup.frame_count);
   if (!images) return fail(fmt::format("{} {}", recording.path, images.error().message));
   if (images->empty()) return fail(fmt::format("{} holds no frame", recording.path));
   std::vector<DepthImage> views;
   for (const auto& image : *images)
     views.push_back({image.data(), sensor.camera.width, sensor.camera.height});
-  if (auto placed = place_on_floor(views, setup.rays[0], sensor, setup.wagon); !placed)
+  if (auto placed = place_on_floor(views, setup.rays[0], sensor, setup.wagon); placed) {
+    setup.floor_found =
+        fmt::format(", floor found {:.2f} m below the sensor", sensor.X_WS.position.z());
+    return {};
+  }
+  if (auto placed = place_level(views, setup.rays[0], sensor, setup.wagon); !placed)
     return fail(fmt::format("{}: {}", recording.path, placed.error().message));
+  setup.remark = fmt::format(
+      "no floor is seen: it is assumed {:.2f} m below the sensor, so heights are rough; give the "
+      "pose in the camera file ([pose] position and rotation)",
+      sensor.X_WS.position.z());
   return {};
 }
 
@@ -194,6 +217,9 @@ Result<ReplaySetup> set_up_replay(RecordingFile& recording, const std::string& c
   }
   setup.had_pose = std::all_of(setup.rig.sensors.begin(), setup.rig.sensors.end(),
                                [](const RigSensor& sensor) { return sensor.has_pose; });
+  const auto frames = count_frames(*recording.reader);
+  if (!frames) return fail(fmt::format("{} {}", recording.path, frames.error().message));
+  setup.frame_count = *frames;
   if (!setup.had_pose) {
     if (auto done = place_alone(recording, setup); !done) return tl::unexpected(done.error());
   } else if (!has_room) {

@@ -23,6 +23,10 @@ struct ReplaySetup {
   Wagon wagon;
   PipelineOptions options;
   bool had_pose = true;                  // before the floor was looked for
+  std::uint64_t frame_count = 0;         // of all sensors together
+  std::string remark;                    // what the user should know; else empty
+  std::string floor_found;               // told where it was looked for
+  std::string background_reason;         // why it is not learned, where the recording is too short
   std::unique_ptr<InputFile> blob_file;  // what the rays may point into
 };
 

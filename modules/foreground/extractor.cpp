@@ -17,6 +17,8 @@ constexpr double kMargin_m = 0.3;
 constexpr double kGatherPeriod_s = 0.1;
 // A blob below this is as likely flicker as a hand; persons are larger.
 constexpr float kSmallBlob_m2 = 0.1F;
+// Whatever stands is higher above the floor.
+constexpr float kFloor_m = 0.10F;
 // Rows above and below, and a word of 64 pixels to each side, in which a fragment is near.
 constexpr int kNearRows = 16;
 // Learning counts at least so many rounds, however fast the clock runs.
@@ -88,6 +90,7 @@ void ForegroundExtractor::finish_learning() {
 void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground& out) {
   WS_CHECK(image.width == view_.width() && image.height == view_.height(), "image of %d x %d",
            image.width, image.height);
+  if (options_.without_background) return extract_everything(image, out);
   const float frame_s =
       extracted_any_ ? static_cast<float>(to_seconds(instant - last_extracted_)) : 0.0F;
   extracted_any_ = true;
@@ -122,6 +125,26 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
       std::clamp(static_cast<int>(options_.learning_s / 0.25), static_cast<int>(kRoundsMin), 200);
   background_.observe_empty(view_, image, round_share, rounds_needed);
   if (background_.rounds() >= static_cast<std::uint32_t>(rounds_needed)) learning_ = false;
+}
+
+// What rises above the floor's noise inside the wagon. Connected regions that are larger than any
+// group of people are walls.
+void ForegroundExtractor::extract_everything(DepthImage image, Foreground& out) {
+  for (std::size_t word = 0; word < foreground_.size(); ++word)
+    foreground_[word] = unknown_[word] = rejected_[word] = 0;
+  for (std::size_t pixel = 0; pixel < image.pixel_count(); ++pixel) {
+    const std::uint16_t raw = image.pixels[pixel];
+    const RawInterval inside = view_.inside(pixel);
+    if (raw < inside.first || raw > inside.last) continue;
+    const Eigen::Vector3f p_W = view_.point_W(pixel, view_.depth().z(raw));
+    if (p_W.z() < kFloor_m + view_.depth().sigma(raw)) continue;
+    foreground_[pixel / 64] |= std::uint64_t{1} << (pixel % 64);
+  }
+  drop_masked(image);
+  drop_lonely();
+  blobs_.find(view_, image, foreground_.span(), unknown_.span(), rejected_.span(), out);
+  out.background_known = true;
+  learning_ = false;
 }
 
 void ForegroundExtractor::remember(float round_share) {

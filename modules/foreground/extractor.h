@@ -27,6 +27,8 @@ struct ForegroundOptions {
   double noise_sigmas = 3.0;       // a change must exceed this many sigmas
   double blob_area_min_m2 = 0.01;  // smaller blobs are noise
   double learning_s = 2.0;         // until a ray on which nothing comes back counts as empty
+  // Nothing is learned: all that stands in the wagon is foreground, but for the floor.
+  bool without_background = false;
 };
 
 // Lines 4 to 12 of the paper's Algorithm 1 for one sensor: from its depth image to what moved in
@@ -73,6 +75,7 @@ class ForegroundExtractor {
                       const LeafGrid& grid, const ForegroundOptions& options);
   void remember(float round_share);
   bool near_somebody(std::size_t word) const;
+  void extract_everything(DepthImage image, Foreground& out);
   void drop_masked(DepthImage image);
   void drop_lonely();
 

@@ -146,16 +146,19 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   track.thing_s = thing ? track.thing_s + dt_s_ : std::max(0.0, track.thing_s - dt_s_);
   if (track.state == TrackState::kTentative) {
     const bool long_enough = now_s_ - track.person.since >= options_.confirm_s - 1e-6;
-    if (track.hits >= 2 && (long_enough || track.evidence >= kEvidenceAtOnce)) {
-      track.state = TrackState::kFollowed;
-      track.person.id = next_id_++;
-    }
+    if (track.hits >= options_.confirm_hits && (long_enough || track.evidence >= kEvidenceAtOnce))
+      follow(track);
   } else {
     track.state = TrackState::kFollowed;
   }
   track.told = track.state == TrackState::kFollowed &&
                depth_inside(track.motion.position().x(), track.motion.position().y()) > 0;
   tell(track, shape, detection);
+}
+
+void Tracker::follow(Track& track) {
+  track.state = TrackState::kFollowed;
+  track.person.id = next_id_++;
 }
 
 void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
@@ -254,6 +257,10 @@ void Tracker::begin(std::span<const Detection> detections, std::span<const BodyS
     judge_posture(track, detections[i]);
     track.person.posture = track.posture_seen;
     tell(track, shapes[i], detections[i]);
+    if (options_.confirm_hits == 1) {
+      follow(track);
+      track.told = true;
+    }
     if (!tracks_.try_push_back(track)) ++tracks_dropped_;
   }
 }

@@ -30,6 +30,7 @@ struct TrackOptions {
   double gate_min_m = 0.7;    // a step between two frames at 2.5 Hz, whatever rate was stated
   double gate_max_m = 1.6;
   double confirm_s = 0.12;          // and two frames; at once less with twice a full body in view
+  std::uint32_t confirm_hits = 2;   // frames; 1: whoever is detected is told at once
   double coast_walking_s = 1.5;     // told while behind something and walking
   double coast_standing_s = 10.0;   // and while standing
   double coast_sitting_s = 60.0;    // and while sitting or lying: nobody rises unseen
@@ -74,6 +75,7 @@ class Tracker {
   void associate(std::span<const Detection> detections);
   float pair_cost(const Track& track, const Detection& detection) const;
   void see(Track& track, const Detection& detection, const BodyShape& shape);
+  void follow(Track& track);
   void miss(Track& track, const VisibilityGrid& visibility);
   void begin(std::span<const Detection> detections, std::span<const BodyShape> shapes);
   void drop_ended();

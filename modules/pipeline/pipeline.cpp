@@ -15,8 +15,9 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
   if (rig.sensors.empty())
     return fail("the rig has no sensor, so there is nothing to watch with; add one to it");
   auto state = std::make_unique<State>(rig, wagon, options);
-  const ForegroundOptions foreground{options.leaf_m, options.voxel_m, options.noise_sigmas,
-                                     options.blob_area_min_m2, options.learning_s};
+  const ForegroundOptions foreground{options.leaf_m,       options.voxel_m,
+                                     options.noise_sigmas, options.blob_area_min_m2,
+                                     options.learning_s,   options.without_background};
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const RigSensor& sensor = rig.sensors[i];
     auto extractor = ForegroundExtractor::create(sensor, rays[i], wagon, foreground);
@@ -33,14 +34,28 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
 Pipeline::Pipeline(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Pipeline::~Pipeline() = default;
 
+namespace {
+
+// Where everything is a shape at hand, one look must do.
+TrackOptions track_options(const PipelineOptions& options) {
+  TrackOptions tracking;
+  if (options.without_background) tracking.confirm_hits = 1;
+  return tracking;
+}
+
+}  // namespace
+
 Pipeline::State::State(const Rig& the_rig, const Wagon& wagon, const PipelineOptions& the_options)
     : rig(the_rig),
       options(the_options),
       fusion(the_rig, the_options.voxel_m),
       visibility(the_rig, wagon.inside),
       detector(wagon.inside),
-      tracker(wagon),
-      situation(wagon) {}
+      tracker(wagon, track_options(the_options)),
+      situation(wagon) {
+  if (the_options.without_background)
+    upright_shapes = std::make_unique<UprightShapes>(wagon.inside);
+}
 
 // Algorithm 1 of the paper, and from its fused cloud to who is where.
 const PeopleFrame& Pipeline::process(const FrameSet& frames) {
@@ -81,6 +96,7 @@ void Pipeline::State::extract(const FrameSet& frames) {
 void Pipeline::State::fuse(const FrameSet& frames) {
   gather_motion_hints();
   cloud = &fusion.fuse({views.data(), rig.sensors.size()}, {hints.data(), hints.size()});
+  if (upright_shapes) cloud = &upright_shapes->select(*cloud);
   visibility.update(frames);
   finish_stage(Stage::kFuse);
 }

@@ -26,6 +26,9 @@ struct PipelineOptions {
   double learning_s = 2.0;         // until a background counts as known
   double fps_expected = 30.0;  // FrameSets a second; time constants are seconds, this only warns
   bool compensate_skew = true;
+  // For recordings of a few frames, from which no background can be learned: everything above the
+  // floor is looked at, people are told from furniture by their shape and told at once.
+  bool without_background = false;
 };
 
 enum class Stage : std::uint8_t { kToDepth, kExtract, kFuse, kPeople, kSituation };

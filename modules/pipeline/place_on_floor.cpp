@@ -45,16 +45,70 @@ Bounds seen_by(const RigSensor& sensor) {
   return inside;
 }
 
-}  // namespace
-
-Result<void> place_on_floor(std::span<const DepthImage> images, RayTable rays, RigSensor& sensor,
-                            Wagon& wagon) {
+Result<void> check_sizes(std::span<const DepthImage> images, RayTable rays,
+                         const RigSensor& sensor) {
   for (const DepthImage& image : images)
     if (image.pixel_count() != rays.size())
       return fail(
           fmt::format("sensor {}: its images have {} pixels and its camera {}; state the "
                       "size of the images in the camera file",
                       sensor.name.view(), image.pixel_count(), rays.size()));
+  return {};
+}
+
+struct Vertical {
+  Eigen::Vector3d up_S = -Eigen::Vector3d::UnitY();  // of the image
+  double floor_m = 1.2;                              // below the sensor
+};
+
+// A ceiling is the floor of a room that stands on its head.
+Vertical vertical_of(const std::vector<Eigen::Vector3f>& points_S) {
+  constexpr double kRoomHeight = 2.5;
+  std::vector<Eigen::Vector3f> turned;
+  turned.reserve(points_S.size());
+  for (const Eigen::Vector3f& p : points_S) turned.emplace_back(-p.x(), -p.y(), p.z());
+  Vertical vertical;
+  if (const auto ceiling = find_floor(turned)) {
+    const Eigen::Vector3d down = ceiling->X_WS.rotation.inverse() * Eigen::Vector3d::UnitZ();
+    vertical.up_S = {down.x(), down.y(), -down.z()};
+    vertical.floor_m = std::max(0.3, kRoomHeight - ceiling->X_WS.position.z());
+  }
+  return vertical;
+}
+
+}  // namespace
+
+Result<void> place_level(std::span<const DepthImage> images, RayTable rays, RigSensor& sensor,
+                         Wagon& wagon) {
+  if (auto fits = check_sizes(images, rays, sensor); !fits) return fits;
+  const auto points = sample_points(images, rays, sensor);
+  if (points.size() < 100)
+    return fail(
+        fmt::format("sensor {}: there are next to no readings within its trim_m = [{}, {}]; check "
+                    "depth_unit_m and trim_m in the camera file",
+                    sensor.name.view(), sensor.trim_near, sensor.trim_far));
+  const Vertical vertical = vertical_of(points);
+  std::vector<double> heights;
+  heights.reserve(points.size());
+  for (const Eigen::Vector3f& p : points) heights.push_back(vertical.up_S.dot(p.cast<double>()));
+  const auto lowest = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 200);
+  std::nth_element(heights.begin(), lowest, heights.end());
+  const double floor_m = std::clamp(std::max(vertical.floor_m, -*lowest), 0.3, 3.0);
+  Eigen::Vector3d forward = Eigen::Vector3d::UnitZ();
+  forward = (forward - vertical.up_S * vertical.up_S.z()).normalized();
+  Eigen::Matrix3d R_WS;
+  R_WS.row(0) = forward;
+  R_WS.row(1) = vertical.up_S.cross(forward);
+  R_WS.row(2) = vertical.up_S;
+  sensor.X_WS = {Eigen::Quaterniond(R_WS).normalized(), {0, 0, floor_m}};
+  sensor.has_pose = true;
+  if (wagon.inside.max == wagon.inside.min) wagon.inside = seen_by(sensor);
+  return {};
+}
+
+Result<void> place_on_floor(std::span<const DepthImage> images, RayTable rays, RigSensor& sensor,
+                            Wagon& wagon) {
+  if (auto fits = check_sizes(images, rays, sensor); !fits) return fits;
   const auto points = sample_points(images, rays, sensor);
   const auto floor = find_floor(points);
   if (!floor)

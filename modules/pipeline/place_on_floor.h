@@ -20,4 +20,10 @@ namespace wagonsight {
 Result<void> place_on_floor(std::span<const DepthImage> images, RayTable rays, RigSensor& sensor,
                             Wagon& wagon);
 
+// The same where no floor is seen: what is upright is told from the ceiling, or else taken from the
+// image, and the floor is assumed under the lowest that is seen, or as far below the ceiling or the
+// sensor as is usual. The Error says that there are next to no readings.
+Result<void> place_level(std::span<const DepthImage> images, RayTable rays, RigSensor& sensor,
+                         Wagon& wagon);
+
 }  // namespace wagonsight

@@ -6,6 +6,7 @@
 #include "people/describe.h"
 #include "people/detect.h"
 #include "people/track.h"
+#include "people/upright_shapes.h"
 #include "pipeline/pipeline.h"
 #include "situation/situation.h"
 
@@ -40,6 +41,7 @@ struct Pipeline::State {
 
   Fusion fusion;
   VisibilityGrid visibility;
+  std::unique_ptr<UprightShapes> upright_shapes;  // only without a background
   Detector detector;
   Describer describer;
   Tracker tracker;

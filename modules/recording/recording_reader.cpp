@@ -167,6 +167,23 @@ Result<void> RecordingReader::take_foreign_channels() {
   return {};
 }
 
+Result<void> RecordingReader::take_only(std::string_view sensor) {
+  const int index = find_sensor(rig_, sensor);
+  if (index < 0) {
+    std::string names;
+    for (const RigSensor& known : rig_.sensors)
+      names += fmt::format("{}{}", names.empty() ? "" : ", ", known.name.view());
+    return fail(fmt::format("has no sensor {}; it has {}", sensor, names));
+  }
+  const RigSensor chosen = rig_.sensors[static_cast<std::size_t>(index)];
+  rig_.sensors.clear();
+  rig_.sensors.push_back(chosen);
+  rays_[0] = rays_[static_cast<std::size_t>(index)];
+  std::erase_if(roles_, [&](const ChannelRole& role) { return role.sensor_index != index; });
+  for (ChannelRole& role : roles_) role.sensor_index = 0;
+  return {};
+}
+
 const RecordingReader::ChannelRole* RecordingReader::find_role(std::uint16_t channel_id) const {
   for (const ChannelRole& role : roles_)
     if (role.channel_id == channel_id) return &role;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/capacities.h"
@@ -36,6 +37,10 @@ class RecordingReader {
   const std::array<RayTable, kSensorsMax>& rays() const { return rays_; }
   bool has_blob() const { return !blob_.empty(); }
   std::span<const std::byte> blob() const { return blob_; }
+
+  // From now on this sensor alone is in the rig and its frames are read. The Error names those that
+  // there are. Before the first next(), or rewind() afterwards.
+  Result<void> take_only(std::string_view sensor);
 
   // The zero of "seconds since the recording's start".
   HostTime start() const { return start_; }
