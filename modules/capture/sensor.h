@@ -25,6 +25,10 @@ class Sensor {
     std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
   };
   virtual Counters counters() const = 0;
+
+  // What is wrong with the device and what to do about it, one sentence that lives as long as the
+  // program; empty while all is well. By the thread that polls.
+  virtual std::string_view trouble() const { return {}; }
 };
 
 }  // namespace wagonsight

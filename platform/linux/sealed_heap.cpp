@@ -154,6 +154,14 @@ HeapExemption::~HeapExemption() {
   if (was_sealed_) thread_count.state = ThreadHeap::kSealed;
 }
 
+HeapExemptionPause::HeapExemptionPause() : was_exempt_(thread_count.state == ThreadHeap::kExempt) {
+  if (was_exempt_) thread_count.state = ThreadHeap::kSealed;
+}
+
+HeapExemptionPause::~HeapExemptionPause() {
+  if (was_exempt_) thread_count.state = ThreadHeap::kExempt;
+}
+
 void set_sealed_heap_rule(SealedHeapRule rule) {
   sealed_rule.store(rule);
 }

@@ -38,6 +38,18 @@ class HeapExemption {
   bool was_sealed_;
 };
 
+// Our own code that a library calls within an exemption: seals again what the exemption let go.
+class HeapExemptionPause {
+ public:
+  HeapExemptionPause();
+  ~HeapExemptionPause();
+  HeapExemptionPause(const HeapExemptionPause&) = delete;
+  HeapExemptionPause& operator=(const HeapExemptionPause&) = delete;
+
+ private:
+  bool was_exempt_;
+};
+
 enum class SealedHeapRule { kCount, kAbort };
 // For the whole process; kCount until told otherwise.
 void set_sealed_heap_rule(SealedHeapRule rule);

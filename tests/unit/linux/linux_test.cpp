@@ -133,12 +133,17 @@ TEST(SealedHeap, CountsOnlyWhatASealedThreadAllocates) {
     {
       const HeapExemption exemption;
       allocate_some(10);
+      {
+        const HeapExemptionPause pause;
+        allocate_some(10);  // our own code that a library called
+      }
     }
+    const HeapExemptionPause without_effect;
     std::thread other;  // not started: no allocation
     allocate_some(10);
   }).join();
   std::thread([] { allocate_some(10); }).join();
-  EXPECT_EQ(sealed_allocations() - sealed_before, 3U);
+  EXPECT_EQ(sealed_allocations() - sealed_before, 4U);
   EXPECT_EQ(exempt_allocations() - exempt_before, 1U);
 }
 
