@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "pipeline/seen_share.h"
 #include "pipeline/state.h"
 
 namespace wagonsight {
@@ -133,6 +134,9 @@ void Pipeline::State::tell_people() {
     if (track.told && !frame.people.try_push_back(track.person)) break;
   std::sort(frame.people.begin(), frame.people.end(),
             [](const Person& a, const Person& b) { return a.id < b.id; });
+  for (Person& person : frame.people)
+    for (ViewAttributes& view : person.views)
+      view.visible_share = seen_share(person.box, rig.sensors[view.sensor_index], view.image_box);
 }
 
 void Pipeline::State::finish_stage(Stage stage) {

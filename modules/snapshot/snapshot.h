@@ -33,7 +33,7 @@ struct ViewAttributes {
   std::uint32_t pixels = 0;        // foreground pixels of this person in this view
   std::array<int, 4> image_box{};  // u_min, v_min, u_max, v_max, inclusive
   float distance = 0;              // median depth, metres
-  float visible_share = 0;         // share of the box's silhouette this view sees unoccluded, 0..1
+  float visible_share = 0;  // of the box's outline in the image, 0..1; see pipeline/seen_share.h
 };
 
 struct Person {
