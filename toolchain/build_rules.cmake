@@ -49,6 +49,9 @@ function(wagonsight_program name)
   add_executable(${name} ${arg_SOURCES})
   list(TRANSFORM arg_DEPENDS PREPEND wagonsight_)
   target_link_libraries(${name} PRIVATE wagonsight_flags ${arg_DEPENDS} ${arg_LINKS})
+  if(WAGONSIGHT_STATIC)  # toolchain/static.cmake
+    target_link_options(${name} PRIVATE -s)
+  endif()
 endfunction()
 
 # wagonsight_test(NAME SOURCES ... DEPENDS ... LINKS ...): one GoogleTest program, found by CTest.
@@ -73,6 +76,14 @@ function(wagonsight_test name)
     set(alone RESOURCE_LOCK ${name})
   endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES ${alone} LABELS ${labels} TIMEOUT 300)
+endfunction()
+
+# wagonsight_small(TARGET): never called per frame, so that in the static programs its size counts and not
+# its speed.
+function(wagonsight_small target)
+  if(WAGONSIGHT_STATIC)
+    target_compile_options(${target} PRIVATE -Os)
+  endif()
 endfunction()
 
 # wagonsight_without_ubsan(FILE ...): sources full of Boost.Beast, whose templates take minutes and

@@ -78,35 +78,48 @@ __attribute__((weak)) int __sanitizer_install_malloc_and_free_hooks(
 
 #else
 
+// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming,cppcoreguidelines-macro-usage)
+#ifdef WAGONSIGHT_WRAPPED_HEAP
+// Static programs: the linker was told --wrap=malloc and so on.
+#define WAGONSIGHT_INTERPOSED(call) __wrap_##call
+void* WAGONSIGHT_INTERPOSED(malloc)(std::size_t bytes);
+void* WAGONSIGHT_INTERPOSED(calloc)(std::size_t count, std::size_t bytes);
+void* WAGONSIGHT_INTERPOSED(realloc)(void* memory, std::size_t bytes);
+void* WAGONSIGHT_INTERPOSED(memalign)(std::size_t alignment, std::size_t bytes);
+void* WAGONSIGHT_INTERPOSED(aligned_alloc)(std::size_t alignment, std::size_t bytes);
+int WAGONSIGHT_INTERPOSED(posix_memalign)(void** memory, std::size_t alignment, std::size_t bytes);
+#else
+#define WAGONSIGHT_INTERPOSED(call) call
+#endif
+
 // glibc's own names of what is interposed; free() stays glibc's.
-// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming)
 void* __libc_malloc(std::size_t bytes);
 void* __libc_calloc(std::size_t count, std::size_t bytes);
 void* __libc_realloc(void* memory, std::size_t bytes);
 void* __libc_memalign(std::size_t alignment, std::size_t bytes);
-// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
+// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming,cppcoreguidelines-macro-usage)
 
-void* malloc(std::size_t bytes) {
+void* WAGONSIGHT_INTERPOSED(malloc)(std::size_t bytes) {
   wagonsight::count_allocation(bytes);
   return __libc_malloc(bytes);
 }
-void* calloc(std::size_t count, std::size_t bytes) {
+void* WAGONSIGHT_INTERPOSED(calloc)(std::size_t count, std::size_t bytes) {
   wagonsight::count_allocation(count * bytes);
   return __libc_calloc(count, bytes);
 }
-void* realloc(void* memory, std::size_t bytes) {
+void* WAGONSIGHT_INTERPOSED(realloc)(void* memory, std::size_t bytes) {
   wagonsight::count_allocation(bytes);
   return __libc_realloc(memory, bytes);
 }
-void* memalign(std::size_t alignment, std::size_t bytes) {
+void* WAGONSIGHT_INTERPOSED(memalign)(std::size_t alignment, std::size_t bytes) {
   wagonsight::count_allocation(bytes);
   return __libc_memalign(alignment, bytes);
 }
-void* aligned_alloc(std::size_t alignment, std::size_t bytes) {
+void* WAGONSIGHT_INTERPOSED(aligned_alloc)(std::size_t alignment, std::size_t bytes) {
   wagonsight::count_allocation(bytes);
   return __libc_memalign(alignment, bytes);
 }
-int posix_memalign(void** memory, std::size_t alignment, std::size_t bytes) {
+int WAGONSIGHT_INTERPOSED(posix_memalign)(void** memory, std::size_t alignment, std::size_t bytes) {
   const bool power_of_two = alignment != 0 && (alignment & (alignment - 1)) == 0;
   if (!power_of_two || alignment % sizeof(void*) != 0) return EINVAL;
   wagonsight::count_allocation(bytes);

@@ -13,7 +13,8 @@
 // are known to allocate (libusb does on every isochronous submit); they are counted apart.
 // Giving memory back is always allowed.
 //
-// Works by interposing malloc in programs that use this, and by the sanitizers' hooks under those
+// Works by interposing malloc in programs that use this (a static one is linked with --wrap, see
+// CMakeLists.txt), and by the sanitizers' hooks under those
 // (the thread sanitizer's does not tell of aligned allocations).
 namespace wagonsight {
 
