@@ -72,6 +72,15 @@ build_freenect() {
   "$triplet-ar" rcsD libfreenect.a "${objects[@]}"
   install -Dm644 libfreenect.a "$made/usr/lib/$triplet/libfreenect.a"
   install -Dm644 -t "$made/usr/include" "$1/include/libfreenect.h" "$1/include/libfreenect_registration.h"
+  cat >"$made/usr/lib/$triplet/pkgconfig/libfreenect.pc" <<PC
+prefix=/usr
+Name: libfreenect
+Description: Interface to the Microsoft Kinect sensor device.
+Version: 0.5.3
+Requires: libusb-1.0
+Libs: -L\${prefix}/lib/$triplet -lfreenect
+Cflags: -I\${prefix}/include
+PC
 }
 
 build_libraries() {
