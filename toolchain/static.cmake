@@ -13,6 +13,12 @@ if(NOT WAGONSIGHT_SYSROOT)
   endif()
   set(WAGONSIGHT_SYSROOT "${sysroot}")
 endif()
+# A build folder remembers where its libraries are.
+if(WAGONSIGHT_SYSROOT_USED AND NOT WAGONSIGHT_SYSROOT_USED STREQUAL WAGONSIGHT_SYSROOT)
+  message(FATAL_ERROR "The recipe of the static libraries has changed since this folder was configured; "
+                      "run cmake --fresh --preset static-${WAGONSIGHT_ARCHITECTURE}")
+endif()
+set(WAGONSIGHT_SYSROOT_USED "${WAGONSIGHT_SYSROOT}" CACHE INTERNAL "")
 
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR ${WAGONSIGHT_ARCHITECTURE})
