@@ -14,6 +14,7 @@
 #include "simulate/simulation.h"
 #include "simulated_recording.h"
 #include "snapshot/json_lines.h"
+#include "stereo/exposure.h"
 #include "version.h"
 
 namespace wagonsight {
@@ -74,27 +75,41 @@ class TruthWriter {
   HostTime last_{};
 };
 
-// One folder a sensor, one 16-bit PNG a frame, numbered from zero.
+// One folder an imager, one 16-bit PNG a frame, numbered from zero.
 class ImageFolders {
  public:
   static Result<ImageFolders> create(const std::string& folder, const Rig& rig) {
     ImageFolders folders;
     for (const RigSensor& sensor : rig.sensors) {
-      folders.paths_.push_back(fmt::format("{}/{}", folder, sensor.name.view()));
-      if (auto made = make_folder(folders.paths_.back()); !made)
-        return tl::unexpected(made.error());
+      auto& paths = folders.paths_.emplace_back();
+      const std::string path = fmt::format("{}/{}", folder, sensor.name.view());
+      if (sensor.kind == SensorKind::kStereo) {
+        paths = {path + ".left", path + ".right"};
+      } else {
+        paths = {path};
+      }
+      for (const std::string& made_path : paths)
+        if (auto made = make_folder(made_path); !made) return tl::unexpected(made.error());
     }
     folders.counts_.resize(folders.paths_.size());
     return folders;
   }
   Result<void> write(const FrameSlot& slot) {
     const std::uint32_t count = counts_[slot.sensor_index]++;
-    return write_png16(fmt::format("{}/{:06}.png", paths_[slot.sensor_index], count),
-                       slot.depth_pixels(), slot.width, slot.height);
+    const auto* pixels = reinterpret_cast<const std::uint16_t*>(slot.bytes.data());
+    const std::size_t pixel_count = slot.image_bytes() / sizeof(std::uint16_t);
+    for (const std::string& path : paths_[slot.sensor_index]) {
+      if (auto done = write_png16(fmt::format("{}/{:06}.png", path, count), {pixels, pixel_count},
+                                  slot.width, slot.height);
+          !done)
+        return done;
+      pixels += pixel_count;
+    }
+    return {};
   }
 
  private:
-  std::vector<std::string> paths_;
+  std::vector<std::vector<std::string>> paths_;  // by sensor: one, or left and right
   std::vector<std::uint32_t> counts_;
 };
 
@@ -135,10 +150,23 @@ Result<Outputs> open_outputs(const SimulateOptions& options, const Rig& rig,
   return outputs;
 }
 
+// What a driver does with a camera's image: the next one is taken as this one asks for.
+void expose(const FrameSlot& slot, SimulatedDevice& device) {
+  const GrayImage left{slot.bytes.data(), slot.format, slot.width, slot.height};
+  const ExposureStatistics seen = measure_exposure(left, {}, StereoModel::kFullScale);
+  const ExposureSettings next = next_exposure(seen, {static_cast<double>(slot.exposure.shutter_us),
+                                                     static_cast<double>(slot.exposure.gain_db)})
+                                    .next;
+  device.set_exposure({static_cast<float>(next.shutter_us), static_cast<float>(next.gain_db)});
+}
+
 Result<void> run(const SimulateOptions& options, Simulation& simulation, const Rig& rig,
                  Outputs& outputs) {
   constexpr std::size_t kSlotsPerSensor = 10;  // what the truth's grouping holds back, and one more
-  FramePool pool(kSlotsPerSensor * rig.sensors.size() + 1, 640 * 480 * sizeof(std::uint16_t));
+  std::size_t slot_bytes = 0;
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i)
+    slot_bytes = std::max(slot_bytes, simulation.device(i).slot_bytes());
+  FramePool pool(kSlotsPerSensor * rig.sensors.size() + 1, slot_bytes);
   TruthWriter truth(simulation, rig, pool, outputs.truth_file.get());
   const HostTime end{from_seconds(options.seconds)};
   double frames_expected = 0;
@@ -151,6 +179,7 @@ Result<void> run(const SimulateOptions& options, Simulation& simulation, const R
     if (slot == nullptr) return fail("the simulation holds every slot; this is a defect");
     simulation.next(*slot);
     if (auto done = outputs.recording->write(*slot); !done) return done;
+    if (slot->format == PixelFormat::kGray16) expose(*slot, simulation.device(sensor));
     if (outputs.images)
       if (auto done = outputs.images->write(*slot); !done) return done;
     if (auto done = truth.add(slot); !done) return done;
@@ -171,15 +200,7 @@ Result<void> simulate(const SimulateOptions& options) {
   if (scene->sensors.empty())
     return fail(fmt::format("{} has no [[sensor]], so nothing sees its passengers; add one",
                             options.scene));
-  Rig rig = rig_of(*scene);
-  for (RigSensor& sensor : rig.sensors) {
-    if (sensor.kind != SensorKind::kStereo) continue;
-    fmt::print(stderr,
-               "wagonsight simulate: the stereo camera {} is simulated as a depth camera like a "
-               "Kinect, for stereo is not built yet\n",
-               sensor.name.view());
-    sensor.kind = SensorKind::kKinect;
-  }
+  const Rig rig = rig_of(*scene);
   if (auto good = check_rig(rig); !good)
     return fail(fmt::format("{}: {}", options.scene, good.error().message));
   auto outputs = open_outputs(options, rig, file->text());
@@ -212,7 +233,8 @@ void add_simulate(CommandLine& line) {
   command->add_option("--truth", options->truth, "Who was where, one JSON object a line");
   command->add_option("--rig-out", options->rig_out, "The true calibration as a blob");
   command->add_option("--images", options->images,
-                      "Folder for 16-bit PNG images, one folder for each sensor");
+                      "Folder for 16-bit PNG images, one folder for each sensor "
+                      "and two, NAME.left and NAME.right, for a stereo camera");
   command->callback([&line, options] { line.run = [options] { return simulate(*options); }; });
 }
 

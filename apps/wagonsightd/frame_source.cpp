@@ -4,6 +4,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <optional>
 
 #include "base/check.h"
@@ -78,6 +79,15 @@ void SourceThread::tell_counters() {
 SourceThread::Counters SourceThread::counters() const {
   return {frames_.load(std::memory_order_relaxed), dropped_.load(std::memory_order_relaxed),
           damaged_.load(std::memory_order_relaxed), resets_.load(std::memory_order_relaxed)};
+}
+
+bool SourceThread::is_only_source_of(std::size_t sensor_index) const {
+  return std::all_of(source_.rig_index.begin(), source_.rig_index.end(),
+                     [&](std::uint8_t index) {
+                       return index == FrameSource::kNone || index == sensor_index;
+                     }) &&
+         std::any_of(source_.rig_index.begin(), source_.rig_index.end(),
+                     [&](std::uint8_t index) { return index == sensor_index; });
 }
 
 FrameSlot* SourceThread::take() {

@@ -58,6 +58,10 @@ class SourceThread {
   // For the tracking thread only: the next slot, its sensor_index that of the rig; nullptr: none.
   FrameSlot* take();
 
+  // Whether this sensor, and no other one, is read by this thread.
+  bool is_only_source_of(std::size_t sensor_index) const;
+  void set_exposure(const Exposure& exposure) { source_.sensor->set_exposure(exposure); }
+
   struct Counters {
     std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
   };

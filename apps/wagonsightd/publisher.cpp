@@ -103,6 +103,7 @@ void Publisher::tell_sensors(const std::vector<std::unique_ptr<SourceThread>>& s
     status.latency_ms = tracked.latency_ms;
     status.last_good = tracked.last_good;
     status.background_share = tracked.background_share;
+    status.stereo = tracked.stereo;
     for (const auto& source : sources) {
       const auto& indices = source->rig_index();
       const auto own = [&](std::uint8_t index) { return index == i; };

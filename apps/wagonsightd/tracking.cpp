@@ -117,12 +117,37 @@ void Tracking::tell(const FrameSet& set) {
                     counters.implausible + counters.duplicates;
     sensor.damaged = counters.damaged;
     sensor.background_share = pipeline_->background_share(i);
+    tell_stereo(i, set);
     if (set.sensors[i].state == FrameState::kPresent)
       sensor.skew_ms += kSkewGain * (to_milliseconds(set.sensors[i].skew) - sensor.skew_ms);
   }
   now.latency_ms = to_milliseconds(host_now() - set.instant);
   now.cpu_s = to_seconds(thread_cpu_time());
   shared_->store(now);
+}
+
+void Tracking::tell_stereo(std::size_t sensor_index, const FrameSet& set) {
+  const StereoReport* report = pipeline_->stereo_report(sensor_index);
+  if (report == nullptr) return;
+  StereoStatus& told = now_->sensors[sensor_index].stereo;
+  told.present = true;
+  if (set.sensors[sensor_index].state != FrameState::kPresent) return;
+  HostTime& usable_at = usable_at_[sensor_index];
+  if (report->usable || usable_at == HostTime{}) usable_at = set.instant;
+  told.matched_share = report->matched_share;
+  told.unusable = report->unusable;
+  told.unusable_s = to_seconds(set.instant - usable_at);
+  told.row_offset_px = report->row_offset_px;
+  told.misaligned = report->misaligned;
+  told.shutter_us = static_cast<double>(report->next.shutter_us);
+  told.gain_db = static_cast<double>(report->next.gain_db);
+  if (report->next.shutter_us > 0) set_exposure(sensor_index, report->next);
+}
+
+// The driver applies what the law asks for.
+void Tracking::set_exposure(std::size_t sensor_index, const Exposure& exposure) {
+  for (SourceThread* source : sources_)
+    if (source->is_only_source_of(sensor_index)) source->set_exposure(exposure);
 }
 
 }  // namespace wagonsight

@@ -24,6 +24,7 @@ struct TrackedSensor {
   double latency_ms = 0;  // from the light to the host having the frame
   double last_good = 0;   // seconds since the daemon's start
   double background_share = 0;
+  StereoStatus stereo;
 };
 
 // What it says after each instant; flat, because it crosses to the control thread by a sequence
@@ -62,6 +63,8 @@ class Tracking {
   void take_frames();
   void process(const FrameSet& set);
   void tell(const FrameSet& set);
+  void tell_stereo(std::size_t sensor_index, const FrameSet& set);
+  void set_exposure(std::size_t sensor_index, const Exposure& exposure);
   void shift_times(PeopleFrame& frame) const;
 
   std::unique_ptr<Pipeline> pipeline_;
@@ -69,7 +72,8 @@ class Tracking {
   FrameSetBuilder builder_;
   FrameBell& bell_;
   HostTime daemon_start_;
-  double frame_offset_s_ = 0;  // the pipeline counts from its first instant
+  std::array<HostTime, kSensorsMax> usable_at_{};  // the last image of a stereo camera that was
+  double frame_offset_s_ = 0;                      // the pipeline counts from its first instant
   std::vector<SourceThread*> sources_;
   std::unique_ptr<TrackingReport> now_;
   std::unique_ptr<Seqlock<TrackingReport>> shared_;

@@ -12,6 +12,19 @@
 namespace wagonsight {
 namespace {
 
+StereoToDepthOptions stereo_options(const StereoSettings& settings) {
+  StereoToDepthOptions options;
+  options.matcher.mode = settings.mode == "fast" ? MatcherMode::kFast : MatcherMode::kAccurate;
+  options.matcher.disparity_count = settings.disparities;
+  options.matcher.uniqueness_percent = settings.uniqueness_percent;
+  options.matcher.texture_min = settings.texture_min;
+  options.whole_every_s = settings.whole_every_s;
+  options.aligned_every_s = settings.aligned_every_s;
+  options.exposure.shutter_us_max = settings.shutter_us_max;
+  options.exposure.gain_db_max = settings.gain_db_max;
+  return options;
+}
+
 // What the settings ask for, gathered step by step; each step says what it lacks.
 class Assembly {
  public:
@@ -172,6 +185,7 @@ Result<void> Assembly::make_pipeline() {
   options.learning_s = wanted.learning_s;
   options.fps_expected = wanted.fps_expected;
   options.compensate_skew = wanted.compensate_skew;
+  options.stereo = stereo_options(unit_.settings.stereo);
   auto pipeline = Pipeline::create(unit_.rig, unit_.rays, unit_.wagon, options);
   if (!pipeline) return tl::unexpected(pipeline.error());
   unit_.pipeline = std::move(*pipeline);

@@ -21,6 +21,10 @@ class Sensor {
   // source has ended (a recording) or is gone (a device; reopen decides what then).
   virtual bool poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot*>& frames) = 0;
 
+  // Asks for the shutter and gain of the next images of this source's sensor; for cameras that have
+  // them, others take no notice. Any thread.
+  virtual void set_exposure([[maybe_unused]] const Exposure& exposure) {}
+
   struct Counters {
     std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
   };

@@ -13,6 +13,12 @@
 
 namespace wagonsight {
 
+// How an image was taken, where that can be chosen; zeros: it cannot, or is not known.
+struct Exposure {
+  float shutter_us = 0;
+  float gain_db = 0;
+};
+
 // One image of one sensor and what is known of its time. Memory belongs to the FramePool.
 // A depth sensor fills `bytes` with 16-bit millimetres; a stereo camera with its left image
 // followed by its right one (same format), which the stereo module turns into depth.
@@ -22,6 +28,7 @@ struct FrameSlot {
   std::uint64_t device_ticks = 0;  // the device's clock, unwrapped
   HostTime arrival{};              // when the host had the whole frame
   HostTime instant{};              // when the light was taken, by the clock fit
+  Exposure exposure{};             // of a camera whose driver obeys set_exposure()
   bool damaged = false;            // packets were lost; never passed on silently
   PixelFormat format = PixelFormat::kDepth16;
   int width = 0;
@@ -70,12 +77,13 @@ class FramePool {
 
 // Why a sensor has or has not a frame at an instant.
 enum class FrameState : std::uint8_t {
-  kAbsent,   // no such sensor in the rig
-  kPresent,  // here, with its skew
-  kNotDue,   // its rate is below the tick of the FrameSets
-  kLate,     // due, may still come
-  kLost,     // due, will not come: the sensor is silent or unplugged
-  kDamaged,  // came with lost packets and was dropped
+  kAbsent,    // no such sensor in the rig
+  kPresent,   // here, with its skew
+  kNotDue,    // its rate is below the tick of the FrameSets
+  kLate,      // due, may still come
+  kLost,      // due, will not come: the sensor is silent or unplugged
+  kDamaged,   // came with lost packets and was dropped
+  kUnusable,  // came, but too dark or too bright to say anything
 };
 
 struct SensorFrame {

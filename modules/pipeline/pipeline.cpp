@@ -21,6 +21,13 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
                                      options.learning_s,   options.without_background};
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const RigSensor& sensor = rig.sensors[i];
+    if (rays[i].empty()) {
+      state->own_rays.push_back(make_ray_table(sensor.camera));
+      rays[i] = state->own_rays.back();
+    }
+    if (sensor.kind == SensorKind::kStereo)
+      if (auto added = state->add_stereo(i, rays[i], wagon); !added)
+        return tl::unexpected(added.error());
     auto extractor = ForegroundExtractor::create(sensor, rays[i], wagon, foreground);
     if (!extractor)
       return fail(fmt::format("sensor {}: {}", sensor.name.view(), extractor.error().message));
@@ -49,6 +56,7 @@ TrackOptions track_options(const PipelineOptions& options) {
 Pipeline::State::State(const Rig& the_rig, const Wagon& wagon, const PipelineOptions& the_options)
     : rig(the_rig),
       options(the_options),
+      regions(kTracksMax + kBlobsMax),
       fusion(the_rig, the_options.voxel_m),
       visibility(the_rig, wagon.inside),
       detector(wagon.inside),
@@ -62,8 +70,9 @@ Pipeline::State::State(const Rig& the_rig, const Wagon& wagon, const PipelineOpt
 const PeopleFrame& Pipeline::process(const FrameSet& frames) {
   State& now = *state_;
   now.begin(frames);
-  now.extract(frames);      // lines 4 to 14: trim, change, blobs, downsample, to the world
-  now.fuse(frames);         // line 18: all foregrounds of the instant in one cloud
+  now.to_depth(frames);     // stereo: rectify, match; from here on every sensor is a depth image
+  now.extract(now.depth);   // lines 4 to 14: trim, change, blobs, downsample, to the world
+  now.fuse(now.depth);      // line 18: all foregrounds of the instant in one cloud
   now.find_people(frames);  // detect, describe, track
   now.judge_situation();    // zones, seats, doors, events
   return now.frame;
@@ -78,7 +87,14 @@ void Pipeline::State::begin(const FrameSet& frames) {
     if (frames.sensors[i].state == FrameState::kPresent)
       frame.skews.push_back({rig.sensors[i].name, to_milliseconds(frames.sensors[i].skew)});
   stage_begin = ticker != nullptr ? ticker() : Duration{};
-  finish_stage(Stage::kToDepth);  // the sensors of today deliver depth
+}
+
+void Pipeline::State::to_depth(const FrameSet& frames) {
+  depth = frames;
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i)
+    if (lanes[i].stereo != nullptr)
+      depth.sensors[i] = matched(i, frames.sensors[i], lanes[i].extractor->learning());
+  finish_stage(Stage::kToDepth);
 }
 
 // A sensor that has no frame at this instant contributes nothing, and nothing waits for it.
@@ -147,9 +163,13 @@ void Pipeline::State::finish_stage(Stage stage) {
 }
 
 void Pipeline::learn(const FrameSet& frames) {
-  for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
-    if (const FrameSlot* slot = depth_slot(frames.sensors[i]))
+  for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i) {
+    const bool is_stereo = state_->lanes[i].stereo != nullptr;
+    const SensorFrame frame =
+        is_stereo ? state_->matched(i, frames.sensors[i], true) : frames.sensors[i];
+    if (const FrameSlot* slot = depth_slot(frame))
       state_->lanes[i].extractor->learn(slot->depth(), slot->instant);
+  }
 }
 
 void Pipeline::finish_learning() {
@@ -180,6 +200,12 @@ bool Pipeline::learning() const {
   for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
     if (state_->lanes[i].extractor->learning()) return true;
   return false;
+}
+
+const StereoReport* Pipeline::stereo_report(std::size_t sensor_index) const {
+  if (sensor_index >= state_->rig.sensors.size()) return nullptr;
+  const StereoToDepth* stereo = state_->lanes[sensor_index].stereo.get();
+  return stereo == nullptr ? nullptr : &stereo->report();
 }
 
 void Pipeline::set_ticker(Ticker ticker) {

@@ -13,6 +13,7 @@
 #include "rig/ray_table.h"
 #include "rig/rig.h"
 #include "snapshot/snapshot.h"
+#include "stereo/stereo_to_depth.h"
 #include "wagon/wagon.h"
 
 namespace wagonsight {
@@ -29,6 +30,7 @@ struct PipelineOptions {
   // For recordings of a few frames, from which no background can be learned: everything above the
   // floor is looked at, people are told from furniture by their shape and told at once.
   bool without_background = false;
+  StereoToDepthOptions stereo;  // of every stereo camera
 };
 
 enum class Stage : std::uint8_t { kToDepth, kExtract, kFuse, kPeople, kSituation };
@@ -38,9 +40,9 @@ inline constexpr std::size_t kStageCount = 5;
 // is where. One thread at a time; allocates only in the constructor.
 class Pipeline {
  public:
-  // `rays` by sensor index, as in the blob; they must outlive the pipeline. The Error of create()
-  // says what in the rig or the wagon cannot be served (no sensor, an inside too large for the
-  // octree).
+  // `rays` by sensor index, as in the blob; they must outlive the pipeline. Where there are none
+  // (a stereo camera's) they are made here. The Error of create() says what in the rig or the wagon
+  // cannot be served (no sensor, an inside too large for the octree).
   static Result<std::unique_ptr<Pipeline>> create(const Rig& rig,
                                                   std::array<RayTable, kSensorsMax> rays,
                                                   const Wagon& wagon,
@@ -69,6 +71,8 @@ class Pipeline {
   // Share of a sensor's pixels whose background is known, 0..1.
   double background_share(std::size_t sensor_index) const;
   bool learning() const;
+  // What a stereo camera says of itself, after the last process(); nullptr for other sensors.
+  const StereoReport* stereo_report(std::size_t sensor_index) const;
 
   // Time source for stage timings; without one they are zero and results do not depend on it.
   using Ticker = Duration (*)();

@@ -14,6 +14,8 @@ namespace wagonsight {
 
 // One sensor's way from its image to its foreground.
 struct SensorLane {
+  std::unique_ptr<StereoToDepth> stereo;  // of a stereo camera only
+  FrameSlot depth_slot;                   // its depth in the form of a depth sensor's frame
   std::unique_ptr<ForegroundExtractor> extractor;
   std::unique_ptr<Foreground> foreground;
 };
@@ -24,18 +26,26 @@ struct Pipeline::State {
 
   // The steps of process(), in their order.
   void begin(const FrameSet& frames);
+  void to_depth(const FrameSet& frames);
   void extract(const FrameSet& frames);
   void fuse(const FrameSet& frames);
   void find_people(const FrameSet& frames);
   void judge_situation();
 
+  Result<void> add_stereo(std::size_t sensor_index, RayTable rays, const Wagon& wagon);
+  SensorFrame matched(std::size_t sensor_index, const SensorFrame& frame, bool whole);
+  void gather_regions(std::size_t sensor_index);
   void gather_motion_hints();
   void tell_people();
   void finish_stage(Stage stage);
 
   Rig rig;
   PipelineOptions options;
+  std::vector<std::vector<PixelRay>> own_rays;
+  std::vector<std::unique_ptr<StereoWorkspace>> workspaces;  // one for each size of images
   std::array<SensorLane, kSensorsMax> lanes;
+  FrameSet depth;                    // the frames of this instant, all of them of depth
+  BoundedVector<PixelRect> regions;  // of the last FrameSet's tracks and foreground
   std::array<ForegroundView, kSensorsMax> views{};
   FixedVector<MotionHint, kTracksMax> hints;  // the last FrameSet's tracks
 

@@ -41,6 +41,24 @@ void read_pipeline(const toml::table& table, Mistakes& mistakes, PipelineSetting
   reader.finish();
 }
 
+void read_stereo(const toml::table& table, Mistakes& mistakes, StereoSettings& stereo) {
+  TableReader reader(table, "stereo", mistakes);
+  reader.choice("mode", stereo.mode, {"fast", "accurate"});
+  const auto whole = [&](std::string_view key, int& out, std::int64_t low, std::int64_t high) {
+    std::int64_t value = out;
+    if (reader.integer(key, value, low, high)) out = static_cast<int>(value);
+  };
+  whole("disparities", stereo.disparities, 32, 256);
+  if (stereo.disparities % 32 != 0) reader.refuse("disparities", "must be a multiple of 32");
+  whole("uniqueness_percent", stereo.uniqueness_percent, 0, 99);
+  whole("texture_min", stereo.texture_min, 0, 2047);
+  reader.number("whole_every_s", stereo.whole_every_s, 0.1, 3600);
+  reader.number("aligned_every_s", stereo.aligned_every_s, 0, 86'400);
+  reader.number("shutter_us_max", stereo.shutter_us_max, 100, 100'000);
+  reader.number("gain_db_max", stereo.gain_db_max, 0, 48);
+  reader.finish();
+}
+
 SensorSettings read_sensor(TableReader& reader, std::string_view file_name) {
   SensorSettings sensor;
   reader.require("name", "every sensor has the name that it has in the calibration blob");
@@ -158,6 +176,7 @@ Settings read_all(const toml::table& file, std::string_view file_name, Mistakes&
   if (const auto* unit = root.table("unit")) read_unit(*unit, mistakes, settings.unit);
   if (const auto* pipeline = root.table("pipeline"))
     read_pipeline(*pipeline, mistakes, settings.pipeline);
+  if (const auto* stereo = root.table("stereo")) read_stereo(*stereo, mistakes, settings.stereo);
   settings.wagon = read_wagon(root, mistakes);
   read_sensors(root, file_name, mistakes, settings.sensors);
   if (const auto* rig = root.table("rig")) read_rig(*rig, file_name, mistakes, settings.rig);

@@ -31,6 +31,18 @@ struct PipelineSettings {
   bool compensate_skew = true;
 };
 
+// Of every stereo camera of the unit; see modules/stereo.
+struct StereoSettings {
+  std::string mode = "fast";    // or "accurate"
+  int disparities = 64;         // searched, in pixels: the nearest depth is focal * baseline / this
+  int uniqueness_percent = 10;  // how much worse the second best match must be
+  int texture_min = 4;          // gray levels of 4095 between neighbours; less is no texture
+  double whole_every_s = 4.0;   // the whole image is matched at least this often
+  double aligned_every_s = 5.0;  // the imagers' rows are compared this often; 0: never
+  double shutter_us_max = 8000;  // the longest shutter that the exposure law may ask for
+  double gain_db_max = 18;       // and the largest gain
+};
+
 enum class SensorSource : std::uint8_t { kRecording, kSimulated };
 
 struct SensorSettings {
@@ -64,6 +76,7 @@ struct DemoSettings {
 struct Settings {
   UnitSettings unit;
   PipelineSettings pipeline;
+  StereoSettings stereo;
   std::optional<Wagon> wagon;           // nothing: taken from the scene, or found in the recording
   std::vector<SensorSettings> sensors;  // none, but a scene: all of the scene's, simulated
   RigSettings rig;

@@ -168,7 +168,7 @@ void KinectModel::draw_parts() {
   const RasterTarget target{kStride, kRows, std::span(inverse_depth_).subspan(offset),
                             std::span(part_).subspan(offset)};
   for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const PixelRect& rect = parts_[i].rect;
+    const DrawRect& rect = parts_[i].rect;
     optics_.raster().draw(parts_[i], static_cast<std::int32_t>(i), target);
     changed_ = {std::min(changed_.u, rect.u), std::min(changed_.v, rect.v),
                 std::max(changed_.u_end, rect.u_end), std::max(changed_.v_end, rect.v_end)};

@@ -65,7 +65,7 @@ class KinectModel {
   std::array<float, 256> incidence_score_{};        // what a cosine of i / 255 takes from a score
   std::vector<float> inverse_depth_, score_;        // kRows x kStride
   std::vector<std::int32_t> part_;                  // likewise; index into parts_ or -1
-  PixelRect changed_;                               // where parts were drawn
+  DrawRect changed_;                                // where parts were drawn
   NoiseField depth_noise_, score_noise_, shift_u_, shift_v_;
   std::array<float, kWidth> row_depth_{}, row_score_{};
   std::vector<std::uint16_t> millimetres_;  // by level

@@ -161,7 +161,7 @@ Raster::Raster(const Camera& camera)
 }
 
 // The hull of the projected corners of the part's own box holds the part's whole silhouette.
-PixelRect Raster::bounds(const Part& part_S) const {
+DrawRect Raster::bounds(const Part& part_S) const {
   Eigen::Vector3d half = part_S.half;
   if (part_S.shape == Part::Shape::kCone) half.head<2>() *= 1 + std::abs(part_S.taper);
   double u_min = 1e9, u_max = -1e9, v_min = 1e9, v_max = -1e9;
@@ -210,7 +210,7 @@ PreparedPart Raster::prepare(const Part& part_W, const Rigid& X_SW) const {
 }
 
 void Raster::draw(const PreparedPart& part, std::int32_t index, const RasterTarget& target) const {
-  const PixelRect& rect = part.rect;
+  const DrawRect& rect = part.rect;
   if (rect.empty()) return;
   for (int v = rect.v; v < rect.v_end; ++v) {
     const std::size_t start = static_cast<std::size_t>(v) * static_cast<std::size_t>(target.width) +

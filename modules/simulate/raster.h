@@ -15,7 +15,7 @@
 namespace wagonsight {
 
 // A rectangle of pixels, end exclusive; empty when u_end <= u or v_end <= v.
-struct PixelRect {
+struct DrawRect {
   int u = 0, v = 0, u_end = 0, v_end = 0;
 
   bool empty() const { return u_end <= u || v_end <= v; }
@@ -30,7 +30,7 @@ struct PreparedPart {
   float taper = 0;
   float albedo = 0;
   std::int32_t tag = 0;
-  PixelRect rect;
+  DrawRect rect;
 };
 
 // What a pixel sees: inverse depth (1/m; 0: nothing) and which part of the list (or -1).
@@ -61,7 +61,7 @@ class Raster {
   const Camera& camera() const { return camera_; }
 
  private:
-  PixelRect bounds(const Part& part_S) const;
+  DrawRect bounds(const Part& part_S) const;
 
   Camera camera_;
   std::vector<float> ray_x_, ray_y_;  // by column and by row

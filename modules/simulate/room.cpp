@@ -3,8 +3,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
+#include "base/check.h"
 #include "geometry/angles.h"
+#include "rig/stereo_pair.h"
 #include "simulate/random.h"
 
 namespace wagonsight {
@@ -34,8 +37,8 @@ float albedo_of(Material material) {
 }
 
 void add_box(const Vector3d& min, const Vector3d& max, Material material,
-             std::vector<RoomPart>& parts) {
-  parts.push_back({box_part(min, max, albedo_of(material)), material});
+             std::vector<RoomPart>& parts, Surface surface = Surface::kFurniture) {
+  parts.push_back({box_part(min, max, albedo_of(material)), material, surface});
 }
 
 // The wall along one side, cut where doors are. `axis` is the horizontal axis it runs along.
@@ -49,7 +52,7 @@ void add_wall(const Scene& scene, int axis, bool far_side, std::vector<RoomPart>
     min[axis] = from, max[axis] = to;
     min[1 - axis] = low, max[1 - axis] = high;
     min.z() = z_from, max.z() = z_to;
-    add_box(min, max, Material::kPlain, parts);
+    add_box(min, max, Material::kPlain, parts, Surface::kWall);
   };
   std::vector<std::pair<double, double>> gaps;
   for (const SceneDoor& door : scene.doors) {
@@ -74,7 +77,7 @@ void add_seat(const SceneSeat& seat, std::vector<RoomPart>& parts) {
   const Eigen::Matrix3d yaw = Eigen::AngleAxisd(seat.yaw, Vector3d::UnitZ()).toRotationMatrix();
   const Vector3d at(seat.position.x(), seat.position.y(), 0);
   const auto add = [&](const Vector3d& min, const Vector3d& max) {
-    RoomPart part{box_part(min, max, 0.3F), Material::kPlain};
+    RoomPart part{box_part(min, max, 0.3F), Material::kPlain, Surface::kSeat};
     part.part.centre = at + yaw * part.part.centre;
     part.part.axes = yaw;
     parts.push_back(part);
@@ -97,6 +100,22 @@ SceneBox shown(const Scene& scene, SceneBox pane) {
       pane.min[axis] = room[axis] - kProud;
   }
   return pane;
+}
+
+// What calibration would say of a stereo camera: the model of stereo's noise, and trims between 64
+// disparities and where a decimetre drowns in it.
+void describe_stereo(std::size_t sensor, RigSensor& told) {
+  constexpr double kDisparitySigma_px = 0.25, kDisparitySteps = 64;
+  told.stereo = stereo_imagers(sensor);
+  const auto pair = rectified_pair(told.stereo.left, told.stereo.right, told.stereo.X_LR);
+  WS_CHECK(pair.has_value(), "%s", "simulated imagers cannot be rectified");
+  told.camera = pair->camera;
+  told.stereo.baseline = pair->baseline;
+  const double disparity_at_1m = pair->camera.fx * pair->baseline;
+  told.noise.c = kDisparitySigma_px / disparity_at_1m;
+  told.noise.quantisation_per_z2 = 1 / (disparity_at_1m * kDisparitySteps);
+  told.trim_near = 0.7;
+  told.trim_far = 4.5;
 }
 
 }  // namespace
@@ -140,8 +159,10 @@ void place_door_leaves(const Doorway& way, double open, FixedVector<Part, 40>& p
 std::vector<RoomPart> room_of(const Scene& scene) {
   std::vector<RoomPart> parts;
   const double l = scene.length, w = scene.width, h = scene.height;
-  add_box({-kThick, -kThick, -kThick}, {l + kThick, w + kThick, 0}, Material::kPlain, parts);
-  add_box({-kThick, -kThick, h}, {l + kThick, w + kThick, h + kThick}, Material::kPlain, parts);
+  add_box({-kThick, -kThick, -kThick}, {l + kThick, w + kThick, 0}, Material::kPlain, parts,
+          Surface::kFloor);
+  add_box({-kThick, -kThick, h}, {l + kThick, w + kThick, h + kThick}, Material::kPlain, parts,
+          Surface::kCeiling);
   for (const int axis : {0, 1})
     for (const bool far_side : {false, true}) add_wall(scene, axis, far_side, parts);
   for (const SceneDoor& door : scene.doors) {
@@ -149,7 +170,8 @@ std::vector<RoomPart> room_of(const Scene& scene) {
     const Vector2d a = way.middle - way.along * (0.5 * way.width + 1) - way.inward * kThick;
     const Vector2d b = way.middle + way.along * (0.5 * way.width + 1) - way.inward * kPlatform;
     add_box({std::min(a.x(), b.x()), std::min(a.y(), b.y()), -kThick},
-            {std::max(a.x(), b.x()), std::max(a.y(), b.y()), 0}, Material::kPlain, parts);
+            {std::max(a.x(), b.x()), std::max(a.y(), b.y()), 0}, Material::kPlain, parts,
+            Surface::kGround);
   }
   for (const SceneSeat& seat : scene.seats) add_seat(seat, parts);
   for (const SceneBox& box : scene.boxes) add_box(box.min, box.max, box.material, parts);
@@ -211,13 +233,39 @@ Camera kinect_camera() {
   return camera;
 }
 
+StereoGeometry stereo_imagers(std::size_t sensor) {
+  constexpr double kBaseline = 0.08;
+  std::uint64_t counter = 0;
+  const auto about = [&](double middle, double spread) {
+    return middle + spread * (2 * uniform(mixed(0x57E5E0, sensor, counter++)) - 1);
+  };
+  StereoGeometry imagers;
+  for (Camera* camera : {&imagers.left, &imagers.right}) {
+    camera->width = 769;
+    camera->height = 448;
+    camera->fx = camera->fy = about(520, 3);
+    camera->cx = about(384, 4);
+    camera->cy = about(223.5, 4);
+  }
+  const double turn = 0.4 * std::numbers::pi / 180;
+  imagers.X_LR.rotation = Eigen::AngleAxisd(about(0, turn), Vector3d::UnitX()) *
+                          Eigen::AngleAxisd(about(0, turn), Vector3d::UnitY()) *
+                          Eigen::AngleAxisd(about(0, turn), Vector3d::UnitZ());
+  imagers.X_LR.position = {kBaseline, about(0, 0.0005), about(0, 0.0005)};
+  imagers.baseline = imagers.X_LR.position.norm();
+  return imagers;
+}
+
 Rig rig_of(const Scene& scene) {
   Rig rig;
-  for (const SceneSensor& sensor : scene.sensors) {
+  for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
+    const SceneSensor& sensor = scene.sensors[i];
     RigSensor told;
     told.name.assign(sensor.name);
     told.kind = sensor.kind;
     told.camera = kinect_camera();
+    told.rate_hz = sensor.rate_hz;
+    if (sensor.kind == SensorKind::kStereo) describe_stereo(i, told);
     told.X_WS = {look_at(sensor.position, sensor.look_at), sensor.position};
     told.X_BS = told.X_WS;
     told.rms_px = 0;

@@ -14,9 +14,13 @@
 // wagonsight wants to have it told: a Wagon and a Rig.
 namespace wagonsight {
 
+// What a part of the room is, which decides what it looks like.
+enum class Surface : std::uint8_t { kFurniture, kFloor, kCeiling, kWall, kGround, kSeat };
+
 struct RoomPart {
   Part part;
   Material material = Material::kPlain;
+  Surface surface = Surface::kFurniture;
 };
 
 inline constexpr double kSeatHeight = 0.44, kSeatDepth = 0.46, kBackrestHeight = 1.15;
@@ -42,6 +46,10 @@ Wagon wagon_of(const Scene& scene);
 // The depth camera of a simulated Kinect: 640 x 480, f = 580 px, no distortion.
 Camera kinect_camera();
 inline constexpr double kKinectBaseline = 0.075;  // camera to projector, along +x of S
+
+// The imagers of a simulated stereo camera: 769 x 448, f about 520 px, 8 cm apart, mounted as well
+// as such cameras are (every one a little different, none distorts).
+StereoGeometry stereo_imagers(std::size_t sensor);
 
 // The true calibration of the scene's sensors.
 Rig rig_of(const Scene& scene);

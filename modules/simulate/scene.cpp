@@ -24,7 +24,7 @@ constexpr std::array<std::string_view, 3> kCarried{"bag", "pram", "coat"};
 constexpr std::array<std::string_view, 11> kActs{"enter", "walk", "stand", "sit",  "lean", "fall",
                                                  "lie",   "rise", "put",   "take", "leave"};
 constexpr std::array<std::string_view, 3> kLights{"day", "tunnel", "sun"};
-constexpr std::array<std::string_view, 4> kFaults{"unplug", "late", "loss", "moved"};
+constexpr std::array<std::string_view, 5> kFaults{"unplug", "late", "loss", "moved", "bent"};
 
 template <class T>
 int index_of(const std::vector<T>& items, const std::string& name) {
@@ -149,6 +149,9 @@ void read_sensors(SceneReader& root, Scene& scene) {
     sensor.drift_ppm = reader.number("drift_ppm", -10000, 10000, 0.0);
     sensor.drop_rate = reader.number("drop_rate", 0, 1, 0.0);
     sensor.noise = reader.number("noise", 0, 10, 1.0);
+    constexpr double kKinectRate_hz = 30, kStereoRate_hz = 14;
+    sensor.rate_hz = reader.number(
+        "rate_hz", 0.5, 60, sensor.kind == SensorKind::kStereo ? kStereoRate_hz : kKinectRate_hz);
     reader.finish();
     scene.sensors.push_back(std::move(sensor));
   }
@@ -229,6 +232,8 @@ double fault_amount(SceneReader& reader, FaultKind kind) {
       return reader.number("amount", 0, 1, 0.3);
     case FaultKind::kMoved:
       return reader.number("amount", -1, 1, 0.05);
+    case FaultKind::kBent:
+      return reader.number("amount", -20, 20, 3);
     case FaultKind::kUnplug:
       break;
   }
@@ -244,6 +249,9 @@ void read_faults(SceneReader& root, Scene& scene) {
     fault.kind = static_cast<FaultKind>(reader.choice("kind", kFaults, std::nullopt));
     fault.for_s = reader.number("for", 0, kForever, kForever);
     fault.amount = fault_amount(reader, fault.kind);
+    if (fault.kind == FaultKind::kBent && fault.sensor >= 0 &&
+        scene.sensors[static_cast<std::size_t>(fault.sensor)].kind != SensorKind::kStereo)
+      reader.refuse("kind", "only a stereo camera can be bent");
     reader.finish();
     scene.faults.push_back(fault);
   }

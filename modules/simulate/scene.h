@@ -45,6 +45,7 @@ struct SceneSensor {
   double drift_ppm = 0;
   double drop_rate = 0;
   double noise = 1;  // 0: ideal depth, only quantised
+  double rate_hz = 30;
 };
 
 enum class ActKind : std::uint8_t {
@@ -89,13 +90,13 @@ struct SceneLight {
   Eigen::Vector3d direction{0.3, 0.8, -0.5};  // in which the sun's light travels
 };
 
-enum class FaultKind : std::uint8_t { kUnplug, kLate, kLoss, kMoved };
+enum class FaultKind : std::uint8_t { kUnplug, kLate, kLoss, kMoved, kBent };
 struct SceneFault {
   double at = 0;
   int sensor = 0;
   FaultKind kind = FaultKind::kUnplug;
   double for_s = 0;   // how long; endless when it was not stated
-  double amount = 0;  // kLate: seconds; kLoss: share 0..1; kMoved: metres
+  double amount = 0;  // kLate: seconds; kLoss: share 0..1; kMoved: metres; kBent: rows
 };
 
 struct Scene {

@@ -9,7 +9,6 @@
 namespace wagonsight {
 namespace {
 
-constexpr double kRate = 30;
 // A frame is read out and sent in one frame time; the host's scheduling adds a little.
 constexpr double kTransport = 0.036;
 
@@ -28,7 +27,7 @@ FrameTiming FrameClock::next() {
   const double phase = std::max(0.0, sensor.phase_s);
   FrameTiming timing;
   timing.sequence = sequence_++;
-  const double taken = phase + timing.sequence / (kRate * rate);
+  const double taken = phase + timing.sequence / (sensor.rate_hz * rate);
   const double readout = 0.0;  // the ticks are those of the instant, as drivers calibrate them
   timing.device_ticks =
       ticks_at_start_ +
@@ -54,10 +53,12 @@ FrameTiming FrameClock::next() {
 }
 
 SimulatedDevice::SimulatedDevice(const Scene& scene, std::size_t sensor, std::uint64_t seed)
-    : sensor_(sensor),
-      world_(scene, seed),
-      model_(world_.scene(), sensor, seed),
-      clock_(world_.scene(), sensor, seed) {
+    : sensor_(sensor), world_(scene, seed), clock_(world_.scene(), sensor, seed) {
+  if (scene.sensors[sensor].kind == SensorKind::kStereo) {
+    stereo_ = std::make_unique<StereoModel>(world_.scene(), sensor, seed);
+  } else {
+    kinect_ = std::make_unique<KinectModel>(world_.scene(), sensor, seed);
+  }
   advance();
 }
 
@@ -76,19 +77,38 @@ void SimulatedDevice::skip() {
 }
 
 void SimulatedDevice::next(FrameSlot& slot) {
-  const Camera& camera = model_.camera();
   slot.sensor_index = static_cast<std::uint8_t>(sensor_);
   slot.sequence = upcoming_.sequence;
   slot.device_ticks = upcoming_.device_ticks;
   slot.instant = upcoming_.instant;
   slot.arrival = upcoming_.arrival;
   slot.damaged = false;
-  slot.format = PixelFormat::kDepth16;
-  slot.width = camera.width;
-  slot.height = camera.height;
-  WS_CHECK(slot.bytes.size() >= slot.image_bytes(), "slot of %zu bytes", slot.bytes.size());
-  model_.render(world_, upcoming_.instant, upcoming_.sequence, slot.depth_pixels());
+  WS_CHECK(slot.bytes.size() >= slot_bytes(), "slot of %zu bytes", slot.bytes.size());
+  if (stereo_ != nullptr) {
+    slot.format = PixelFormat::kGray16;
+    slot.width = stereo_->width();
+    slot.height = stereo_->height();
+    slot.exposure = exposure_;
+    const std::span pair(reinterpret_cast<std::uint16_t*>(slot.bytes.data()),
+                         slot_bytes() / sizeof(std::uint16_t));
+    stereo_->render(world_, upcoming_.instant, upcoming_.sequence, exposure_, pair);
+  } else {
+    slot.format = PixelFormat::kDepth16;
+    slot.width = kinect_->camera().width;
+    slot.height = kinect_->camera().height;
+    kinect_->render(world_, upcoming_.instant, upcoming_.sequence, slot.depth_pixels());
+  }
   advance();
+}
+
+std::size_t SimulatedDevice::slot_bytes() const {
+  const int pixels = stereo_ != nullptr ? 2 * stereo_->width() * stereo_->height()
+                                        : kinect_->camera().width * kinect_->camera().height;
+  return static_cast<std::size_t>(pixels) * sizeof(std::uint16_t);
+}
+
+void SimulatedDevice::set_exposure(const Exposure& exposure) {
+  if (exposure.shutter_us > 0) exposure_ = exposure;
 }
 
 Simulation::Simulation(const Scene& scene, std::uint64_t seed)
@@ -133,6 +153,7 @@ bool SimulatedSensor::poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot
     ++counters_.dropped;
     return true;
   }
+  device_.set_exposure(wanted_exposure_.load(std::memory_order_relaxed));
   device_.next(*slot);
   slot->instant = start_ + slot->instant.time_since_epoch();
   slot->arrival = start_ + slot->arrival.time_since_epoch();

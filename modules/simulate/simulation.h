@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -11,6 +12,7 @@
 #include "frame/frame.h"
 #include "simulate/kinect_model.h"
 #include "simulate/scene.h"
+#include "simulate/stereo_model.h"
 #include "simulate/world.h"
 #include "snapshot/snapshot.h"
 
@@ -53,12 +55,18 @@ class SimulatedDevice {
   const FrameTiming& upcoming() const { return upcoming_; }
   std::uint64_t lost_count() const { return lost_; }
   // Renders the upcoming frame into the slot (format, size, times, pixels) and goes on to the one
-  // after it. The slot needs 614,400 bytes.
+  // after it. The slot needs slot_bytes().
   void next(FrameSlot& slot);
   // Goes on without rendering: nobody has memory for the frame.
   void skip();
 
-  const KinectModel& model() const { return model_; }
+  std::size_t slot_bytes() const;
+  // For the frames that are taken from now on; a Kinect takes no notice.
+  void set_exposure(const Exposure& exposure);
+
+  // Exactly one of them is there.
+  const KinectModel* kinect() const { return kinect_.get(); }
+  StereoModel* stereo() { return stereo_.get(); }
   World& world() { return world_; }
 
  private:
@@ -66,7 +74,9 @@ class SimulatedDevice {
 
   std::size_t sensor_;
   World world_;
-  KinectModel model_;
+  std::unique_ptr<KinectModel> kinect_;
+  std::unique_ptr<StereoModel> stereo_;
+  Exposure exposure_ = StereoModel::kFirstExposure;
   FrameClock clock_;
   FrameTiming upcoming_;
   std::uint64_t lost_ = 0;
@@ -117,11 +127,15 @@ class SimulatedSensor final : public Sensor {
   std::string_view name() const override { return name_; }
   bool poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot*>& frames) override;
   Counters counters() const override { return counters_; }
+  void set_exposure(const Exposure& exposure) override {
+    wanted_exposure_.store(exposure, std::memory_order_relaxed);
+  }
 
  private:
   Scene scene_;
   std::string name_;
   SimulatedDevice device_;
+  std::atomic<Exposure> wanted_exposure_{Exposure{}};
   Pace* pace_;
   HostTime start_;
   Duration end_;

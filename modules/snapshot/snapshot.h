@@ -110,6 +110,17 @@ struct Occupancy {
 
 enum class SensorState : std::uint8_t { kStarting, kLearning, kOk, kDegraded, kLost };
 
+// What a stereo camera says of itself.
+struct StereoStatus {
+  bool present = false;        // it is one
+  double matched_share = 0;    // of its last image
+  double unusable_s = 0;       // its images have been too dark or too bright to match for so long
+  std::uint64_t unusable = 0;  // of its images so far
+  double shutter_us = 0, gain_db = 0;  // asked for; 0: cannot be chosen
+  double row_offset_px = 0;            // between its imagers' rows: 0 in a healthy pair
+  bool misaligned = false;             // lastingly more than its matcher bears
+};
+
 struct SensorStatus {
   Name name;
   Name kind;
@@ -122,7 +133,8 @@ struct SensorStatus {
   double last_good = 0;         // time of the last good frame, same clock as Snapshot::time
   double background_share = 0;  // share of its pixels with a known background, 0..1
   double rms_px = 0;            // from calibration
-  double dropped_share = 0;     // of the frames of the last ten seconds, damaged ones included
+  StereoStatus stereo;
+  double dropped_share = 0;  // of the frames of the last ten seconds, damaged ones included
 };
 
 struct StageTiming {

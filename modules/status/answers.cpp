@@ -40,6 +40,14 @@ Json sensor(const SensorStatus& s, double now) {
   out["temperature_c"] = s.has_temperature ? number(s.temperature_c, 1) : Json(nullptr);
   out["last_good_age_s"] = s.frames > 0 ? number(now - s.last_good, 3) : Json(nullptr);
   out["background_share"] = number(s.background_share, 3);
+  if (s.stereo.present)
+    out["stereo"] = {{"matched_share", number(s.stereo.matched_share, 3)},
+                     {"unusable_frames", s.stereo.unusable},
+                     {"unusable_s", number(s.stereo.unusable_s, 1)},
+                     {"shutter_us", number(s.stereo.shutter_us, 0)},
+                     {"gain_db", number(s.stereo.gain_db, 1)},
+                     {"row_offset_px", number(s.stereo.row_offset_px, 2)},
+                     {"misaligned", s.stereo.misaligned}};
   out["rms_px"] = s.rms_px > 0 ? number(s.rms_px, 3) : Json(nullptr);
   return out;
 }

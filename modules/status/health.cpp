@@ -98,6 +98,22 @@ void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus&
   } else if (is_running(sensor) && !overloaded) {
     judge_sensor_rate(out, sensor, limits);
   }
+  if (sensor.stereo.misaligned)
+    out.fault(
+        "stereo_misaligned", name, Verdict::kDegraded,
+        fmt::format("The two imagers of {} see rows that are {:.1f} pixels apart, so its depth "
+                    "cannot be trusted.",
+                    name, std::abs(sensor.stereo.row_offset_px)),
+        fmt::format("Calibrate {} again; if it comes back, an imager is loose and the camera "
+                    "needs replacing.",
+                    name));
+  if (sensor.stereo.unusable_s > limits.unusable_s_max)
+    out.fault("stereo_unusable", name, Verdict::kDegraded,
+              fmt::format("The images of {} have been too dark or too bright to match for {}.",
+                          name, duration_text(sensor.stereo.unusable_s)),
+              fmt::format("Check that nothing covers the lenses of {} and that no lamp shines into "
+                          "them.",
+                          name));
   if (sensor.has_temperature && sensor.temperature_c > limits.temperature_c_max)
     out.fault("sensor_hot", name, Verdict::kDegraded,
               fmt::format("Sensor {} has {:.0f} degrees Celsius.", name, sensor.temperature_c),

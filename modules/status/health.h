@@ -45,6 +45,7 @@ struct HealthLimits {
   double skew_ms_max = 20.0;  // an unsynchronised Kinect is at most half a frame away: 16.7 ms
   double temperature_c_max = 70.0;
   double calibration_rms_px_max = 1.0;
+  double unusable_s_max = 3.0;  // a tunnel's end is mastered within a second
 };
 
 // What the health of a moment is judged by.

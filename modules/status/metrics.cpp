@@ -121,6 +121,21 @@ void tell_sensors(MetricsText& out, const Snapshot& snapshot) {
              [](S s) { return s.background_share; });
   per_sensor(out, snapshot, "sensor_reprojection_error_pixels", "gauge",
              "RMS of its calibration; 0 when unknown.", [](S s) { return s.rms_px; });
+  const auto stereo = [&](std::string_view name, std::string_view type, std::string_view help,
+                          auto value) {
+    out.family(name, type, help);
+    for (const SensorStatus& sensor : snapshot.sensors)
+      if (sensor.stereo.present)
+        out.sample(static_cast<double>(value(sensor.stereo)), {{"sensor", sensor.name.view()}});
+  };
+  stereo("stereo_matched_ratio", "gauge", "Share of its last image that was matched.",
+         [](const StereoStatus& s) { return s.matched_share; });
+  stereo("stereo_unusable_frames_total", "counter", "Images too dark or too bright to match.",
+         [](const StereoStatus& s) { return s.unusable; });
+  stereo("stereo_row_offset_pixels", "gauge", "Between the rows of its two imagers.",
+         [](const StereoStatus& s) { return s.row_offset_px; });
+  stereo("stereo_shutter_seconds", "gauge", "That the exposure law asks for.",
+         [](const StereoStatus& s) { return s.shutter_us * 1e-6; });
   out.family("sensor_temperature_celsius", "gauge", "Of sensors that tell it.");
   for (const SensorStatus& sensor : snapshot.sensors)
     if (sensor.has_temperature) out.sample(sensor.temperature_c, {{"sensor", sensor.name.view()}});

@@ -21,16 +21,19 @@ DepthTable::DepthTable(double focal_px, double baseline_m, double far_m)
   }
 }
 
-void DepthTable::convert(ImageView<const std::int16_t> disparity,
-                         ImageView<std::uint16_t> depth) const {
+void DepthTable::convert(ImageView<const std::int16_t> disparity, ImageView<std::uint16_t> depth,
+                         const PixelRect& region) const {
   WS_CHECK(disparity.width == depth.width && disparity.height == depth.height,
            "%d x %d into %d x %d", disparity.width, disparity.height, depth.width, depth.height);
+  WS_CHECK(
+      region.x0 >= 0 && region.y0 >= 0 && region.x1 <= depth.width && region.y1 <= depth.height,
+      "rows %d to %d, columns %d to %d", region.y0, region.y1, region.x0, region.x1);
   const std::uint16_t* table = table_.data();
-  const std::size_t count = disparity.pixel_count();
-  for (std::size_t i = 0; i < count; ++i) {
+  for (int y = region.y0; y < region.y1; ++y) {
+    const std::int16_t* in = disparity.pixels + disparity.index(0, y);
+    std::uint16_t* out = depth.pixels + depth.index(0, y);
     // Entry 0, an infinite depth, is 0: it serves the pixels without a disparity too.
-    const int index = std::max<int>(disparity.pixels[i], 0);
-    depth.pixels[i] = table[index];
+    for (int x = region.x0; x < region.x1; ++x) out[x] = table[std::max<int>(in[x], 0)];
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include "frame/image.h"
 #include "rig/rig.h"
+#include "stereo/gray_image.h"
 
 // From disparities to what every other depth sensor gives: millimetres and a noise model.
 namespace wagonsight {
@@ -22,7 +23,12 @@ class DepthTable {
 
   // `disparity` in 64ths of a pixel as the matcher writes it; `depth` gets millimetres along the
   // optical axis, rounded, 0 where there is no disparity or the depth is beyond the far end.
-  void convert(ImageView<const std::int16_t> disparity, ImageView<std::uint16_t> depth) const;
+  void convert(ImageView<const std::int16_t> disparity, ImageView<std::uint16_t> depth) const {
+    convert(disparity, depth, {0, 0, depth.width, depth.height});
+  }
+  // The same for a part of the image.
+  void convert(ImageView<const std::int16_t> disparity, ImageView<std::uint16_t> depth,
+               const PixelRect& region) const;
 
   std::uint16_t millimetres(std::int16_t disparity) const {
     return disparity < 0 ? std::uint16_t{0} : table_[static_cast<std::size_t>(disparity)];

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/capacities.h"
 #include "base/check.h"
+#include "rig/stereo_pair.h"
 #include "stereo/rectify_kernels.h"
 
 namespace wagonsight {
@@ -29,7 +29,8 @@ RectifyEntry entry_at(const Camera& camera, const Eigen::Vector2d& pixel) {
   // Half a pixel beyond the centres of the border pixels still is of the image.
   constexpr double kHalf = kSteps / 2.0;
   const double right = (camera.width - 1) * kSteps, bottom = (camera.height - 1) * kSteps;
-  if (!(x >= -kHalf && x <= right + kHalf && y >= -kHalf && y <= bottom + kHalf)) return kOutside;
+  if (!(x >= -kHalf && x <= right + kHalf && y >= -kHalf && y <= bottom + kHalf))
+    return kOutsideSource;
   const int column = std::clamp(static_cast<int>(x), 0, static_cast<int>(right));
   const int row = std::clamp(static_cast<int>(y), 0, static_cast<int>(bottom));
   // The last column and row are reached from the one before with the largest weight there is,
@@ -52,7 +53,7 @@ std::vector<RectifyEntry> make_table(const Camera& rectified, const Camera& sour
       const Eigen::Vector3d ray =
           R_source_rectified * Eigen::Vector3d((u - rectified.cx) / rectified.fx,
                                                (v - rectified.cy) / rectified.fy, 1.0);
-      RectifyEntry entry = kOutside;
+      RectifyEntry entry = kOutsideSource;
       if (ray.z() > 1e-6 && ray.head<2>().squaredNorm() < fold * ray.z() * ray.z())
         if (const auto pixel = project(source, ray)) entry = entry_at(source, *pixel);
       table.push_back(entry);
@@ -60,57 +61,19 @@ std::vector<RectifyEntry> make_table(const Camera& rectified, const Camera& sour
   return table;
 }
 
-// The pixel of the middle of `source`'s image on a plane of focal length f without a centre.
-Eigen::Vector2d middle_on_plane(const Camera& source, const Eigen::Matrix3d& R_rectified_source,
-                                double focal) {
-  const Eigen::Vector2d middle((source.width - 1) / 2.0, (source.height - 1) / 2.0);
-  const Eigen::Vector3d ray =
-      R_rectified_source * ray_through(source, middle).value_or(Eigen::Vector3d::UnitZ());
-  return focal * ray.head<2>() / ray.z();
-}
-
 }  // namespace
 
 Result<StereoRectification> make_rectification(const Camera& left, const Camera& right,
                                                const Rigid& X_LR, const RectifyOptions& options) {
-  const auto size = [](const Camera& c) {
-    return std::to_string(c.width) + " x " + std::to_string(c.height);
-  };
-  if (left.width != right.width || left.height != right.height)
-    return fail("the imagers of a stereo pair differ in size (" + size(left) + " and " +
-                size(right) + "); give two cameras of one size");
-  if (left.width < 2 || left.height < 2 ||
-      static_cast<std::size_t>(left.width) * static_cast<std::size_t>(left.height) >
-          kImagePixelsMax)
-    return fail("a stereo pair cannot be rectified at " + size(left) + " pixels");
-  const Eigen::Matrix3d R_LR = X_LR.rotation.toRotationMatrix();
-  const double baseline = X_LR.position.norm();
-  const Eigen::Vector3d x = X_LR.position / baseline;
-  if (!(baseline > 1e-6) || x.x() < 0.5)
-    return fail("the right imager is not to the right of the left one (its place is x = " +
-                std::to_string(X_LR.position.x()) + " m, y = " + std::to_string(X_LR.position.y()) +
-                " m there); exchange the imagers");
-  const Eigen::Vector3d axis = (Eigen::Vector3d::UnitZ() + R_LR.col(2)).normalized();
-  const Eigen::Vector3d y = axis.cross(x).normalized();
-  Eigen::Matrix3d R_LS;
-  R_LS << x, y, x.cross(y);
-  const Eigen::Matrix3d R_RS = R_LR.transpose() * R_LS;
-
+  const auto pair = rectified_pair(left, right, X_LR, options.zoom);
+  if (!pair) return tl::unexpected(pair.error());
   StereoRectification result;
-  Camera& camera = result.camera;
-  camera.width = left.width;
-  camera.height = left.height;
-  camera.fx = camera.fy = options.zoom * (left.fx + left.fy + right.fx + right.fy) / 4;
-  const Eigen::Vector2d middle = (middle_on_plane(left, R_LS.transpose(), camera.fx) +
-                                  middle_on_plane(right, R_RS.transpose(), camera.fx)) /
-                                 2;
-  camera.cx = (camera.width - 1) / 2.0 - middle.x();
-  camera.cy = (camera.height - 1) / 2.0 - middle.y();
-  result.baseline = baseline;
-  result.X_LS = {Eigen::Quaterniond(R_LS), Eigen::Vector3d::Zero()};
-  result.X_RS = X_LR.inverse() * result.X_LS;
-  result.left = make_table(camera, left, R_LS);
-  result.right = make_table(camera, right, R_RS);
+  result.camera = pair->camera;
+  result.baseline = pair->baseline;
+  result.X_LS = pair->X_LS;
+  result.X_RS = pair->X_RS;
+  result.left = make_table(pair->camera, left, pair->X_LS.rotation.toRotationMatrix());
+  result.right = make_table(pair->camera, right, pair->X_RS.rotation.toRotationMatrix());
   return result;
 }
 

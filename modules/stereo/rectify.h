@@ -18,7 +18,7 @@ namespace wagonsight {
 // pixel (5 bits across, 5 down). A table is half as large as a map of two 16-bit coordinates with
 // its weights, which is what resampling waits for.
 using RectifyEntry = std::uint32_t;
-inline constexpr RectifyEntry kOutside = 1U << 31;  // the source does not see this pixel
+inline constexpr RectifyEntry kOutsideSource = 1U << 31;  // the source does not see this pixel
 using RectifyTable = std::span<const RectifyEntry>;
 
 // What a pair becomes. S, the sensor's frame, is the rectified left imager.
@@ -43,9 +43,9 @@ Result<StereoRectification> make_rectification(const Camera& left, const Camera&
                                                const Rigid& X_LR,
                                                const RectifyOptions& options = {});
 
-// out(i) = the source interpolated bilinearly at table[i], rounded to nearest; 0 where kOutside.
-// The source has the format's pixels (kGray8 or kGray16 below 2^15), `out` the same format and as
-// many pixels as the table. Does not allocate; the same bytes on every processor.
+// out(i) = the source interpolated bilinearly at table[i], rounded to nearest; 0 where
+// kOutsideSource. The source has the format's pixels (kGray8 or kGray16 below 2^15), `out` the same
+// format and as many pixels as the table. Does not allocate; the same bytes on every processor.
 void rectify(const GrayImage& source, RectifyTable table, void* out);
 
 }  // namespace wagonsight

@@ -1,32 +1,80 @@
 #include "stereo/stereo_to_depth.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
+
+#include "base/check.h"
 
 namespace wagonsight {
 
-Result<StereoToDepth> StereoToDepth::create(StereoRectification rectification,
-                                            const StereoToDepthOptions& options) {
-  auto matcher = StereoMatcher::create(rectification.camera.width, rectification.camera.height,
-                                       options.matcher);
-  if (!matcher) return fail(matcher.error().message);
-  return StereoToDepth(std::move(rectification), options, std::move(*matcher));
+Result<std::unique_ptr<StereoWorkspace>> StereoWorkspace::create(int width, int height,
+                                                                 const MatcherOptions& options) {
+  auto matcher = StereoMatcher::create(width, height, options);
+  if (!matcher) return tl::unexpected(matcher.error());
+  return std::unique_ptr<StereoWorkspace>(new StereoWorkspace(std::move(*matcher)));
 }
 
-StereoToDepth::StereoToDepth(StereoRectification rectification, const StereoToDepthOptions& options,
-                             StereoMatcher matcher)
+StereoWorkspace::StereoWorkspace(StereoMatcher the_matcher)
+    : matcher(std::move(the_matcher)),
+      left(static_cast<std::size_t>(matcher.width()) * static_cast<std::size_t>(matcher.height())),
+      right(left.size()),
+      disparity(left.size()) {}
+
+StereoToDepth::StereoToDepth(StereoRectification rectification, StereoWorkspace& workspace,
+                             const StereoToDepthOptions& options)
     : rectification_(std::move(rectification)),
+      workspace_(&workspace),
       options_(options),
-      matcher_(std::move(matcher)),
       gate_(rectification_.camera.width, rectification_.camera.height, options.gate),
       table_(rectification_.camera.fx, rectification_.baseline, options.far_m),
-      left_(rectification_.left.size()),
-      right_(rectification_.right.size()),
-      disparity_(rectification_.left.size()),
-      depth_(rectification_.left.size()) {}
+      alignment_(rectification_.camera.width, rectification_.camera.height,
+                 {.disparity_min = options.matcher.disparity_min,
+                  .disparity_count = options.matcher.disparity_count}),
+      depth_(workspace.left.size()) {
+  WS_CHECK(workspace.fits(rectification_.camera.width, rectification_.camera.height), "%d x %d",
+           rectification_.camera.width, rectification_.camera.height);
+}
 
-GrayImage StereoToDepth::rectified(const AlignedArray<std::uint16_t>& image) const {
-  return {image.data(), format_, rectification_.camera.width, rectification_.camera.height};
+// Image 0 is the left one.
+GrayImage StereoToDepth::rectified(const FrameSlot& slot, int index) {
+  const GrayImage raw{slot.bytes.data() + static_cast<std::size_t>(index) * slot.image_bytes(),
+                      slot.format, slot.width, slot.height};
+  const auto& table = index == 0 ? rectification_.left : rectification_.right;
+  if (table.empty()) return raw;
+  AlignedArray<std::uint16_t>& out = index == 0 ? workspace_->left : workspace_->right;
+  rectify(raw, table, out.data());
+  return {out.data(), slot.format, slot.width, slot.height};
+}
+
+void StereoToDepth::judge_exposure(const FrameSlot& slot, const GrayImage& left) {
+  const int full_scale = slot.format == PixelFormat::kGray8 ? 255 : options_.full_scale;
+  report_.seen = measure_exposure(left, mask_, full_scale);
+  const ExposureDecision decision = next_exposure(
+      report_.seen,
+      {static_cast<double>(slot.exposure.shutter_us), static_cast<double>(slot.exposure.gain_db)},
+      options_.exposure);
+  report_.usable = decision.usable;
+  if (!decision.usable) ++report_.unusable;
+  report_.next = {};
+  if (slot.exposure.shutter_us > 0)
+    report_.next = {static_cast<float>(decision.next.shutter_us),
+                    static_cast<float>(decision.next.gain_db)};
+}
+
+bool StereoToDepth::wants_whole(HostTime instant) const {
+  return !has_matched_whole_ || to_seconds(instant - matched_whole_) >= options_.whole_every_s;
+}
+
+void StereoToDepth::match(const GrayImage& left, const GrayImage& right,
+                          std::span<const PixelRect> regions) {
+  const int width = left.width, height = left.height;
+  const ImageView<std::int16_t> disparity{workspace_->disparity.data(), width, height};
+  workspace_->matcher.match_regions(left, right, regions, disparity);
+  // Elsewhere the disparities are another camera's, and the depth stays what it was.
+  const ImageView<std::uint16_t> depth{depth_.data(), width, height};
+  for (const PixelRect& region : regions)
+    table_.convert({disparity.pixels, width, height}, depth, region);
 }
 
 DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
@@ -35,29 +83,48 @@ DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
   const bool is_gray = slot.format == PixelFormat::kGray8 || slot.format == PixelFormat::kGray16;
   if (!is_gray || slot.width != width || slot.height != height ||
       slot.bytes.size() < 2 * slot.image_bytes()) {
-    ++refused_;
+    ++report_.refused;
     return {};
   }
-  format_ = slot.format;
-  const std::byte* pixels = slot.bytes.data();
-  rectify({pixels, format_, width, height}, rectification_.left, left_.data());
-  rectify({pixels + slot.image_bytes(), format_, width, height}, rectification_.right,
-          right_.data());
-
-  const double since_whole = to_seconds(slot.instant - matched_whole_);
-  const bool due = !has_matched_whole_ || since_whole >= options_.whole_every_s;
-  const auto regions = gate_.regions(left(), whole || due, feedback);
+  const GrayImage left = rectified(slot, 0);
+  judge_exposure(slot, left);
+  report_.matched_share = 0;
+  if (!report_.usable) return {};  // the gate's reference stays what it was
+  const auto regions = gate_.regions(left, whole || wants_whole(slot.instant), feedback);
   std::int64_t matched = 0;
   for (const PixelRect& r : regions)
     matched += static_cast<std::int64_t>(r.x1 - r.x0) * (r.y1 - r.y0);
-  if (matched == static_cast<std::int64_t>(width) * height) {
-    has_matched_whole_ = true;
-    matched_whole_ = slot.instant;
+  const auto all = static_cast<std::int64_t>(width) * height;
+  report_.matched_share = static_cast<double>(matched) / static_cast<double>(all);
+  if (matched > 0) {
+    const GrayImage right = rectified(slot, 1);
+    match(left, right, regions);
+    if (matched == all) {
+      matched_whole_ = slot.instant;
+      if (!has_matched_whole_) matched_whole_ -= from_seconds(options_.whole_phase_s);
+      has_matched_whole_ = true;
+      check_alignment(slot.instant, left, right);
+    }
   }
-  matched_share_ = static_cast<double>(matched) / (static_cast<double>(width) * height);
-  matcher_.match_regions(left(), right(), regions, {disparity_.data(), width, height});
-  table_.convert({disparity_.data(), width, height}, {depth_.data(), width, height});
   return {depth_.data(), width, height};
+}
+
+// The figure follows the checks slowly, so that one of a crowd close by does not count for much.
+void StereoToDepth::check_alignment(HostTime instant, const GrayImage& left,
+                                    const GrayImage& right) {
+  constexpr int kInARow = 3;
+  constexpr double kGain = 0.5;
+  if (options_.aligned_every_s <= 0) return;
+  if (has_checked_ && to_seconds(instant - checked_) < options_.aligned_every_s) return;
+  has_checked_ = true;
+  checked_ = instant;
+  const RowAlignment rows = alignment_.measure(left, right);
+  if (!rows.reliable) return;
+  const double gain = report_.row_checks++ == 0 ? 1.0 : kGain;
+  report_.row_offset_px += gain * (rows.median_offset_px - report_.row_offset_px);
+  const bool beyond = std::abs(rows.median_offset_px) > options_.misaligned_px;
+  misaligned_in_a_row_ = beyond ? misaligned_in_a_row_ + 1 : 0;
+  report_.misaligned = misaligned_in_a_row_ >= kInARow;
 }
 
 RigSensor stereo_sensor(const StereoRectification& rectification) {

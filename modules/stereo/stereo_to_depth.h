@@ -1,14 +1,18 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
+#include <vector>
 
 #include "base/result.h"
 #include "base/time.h"
 #include "frame/frame.h"
 #include "rig/rig.h"
+#include "stereo/alignment.h"
 #include "stereo/change_gate.h"
 #include "stereo/depth.h"
+#include "stereo/exposure.h"
 #include "stereo/matcher.h"
 #include "stereo/rectify.h"
 
@@ -18,49 +22,92 @@ namespace wagonsight {
 struct StereoToDepthOptions {
   MatcherOptions matcher;
   ChangeGateOptions gate;
-  double whole_every_s = 2.0;  // the whole image is matched at least this often
-  double far_m = 20.0;         // farther readings are dropped
+  double whole_every_s = 4.0;    // the whole image is matched at least this often
+  double whole_phase_s = 0.0;    // so much earlier the first time: cameras take turns
+  double aligned_every_s = 5.0;  // the rows' alignment is checked this often; 0: never
+  double misaligned_px = 1.0;    // half of the census window: from here on matches go wrong
+  double far_m = 20.0;           // farther readings are dropped
+  int full_scale = 4095;         // the largest gray value
+  ExposureLimits exposure;
+};
+
+// What cameras of one size share, because they are converted one after the other: the matcher's
+// memory and the images of the pair in work.
+class StereoWorkspace {
+ public:
+  // Allocates. The Error is the matcher's.
+  static Result<std::unique_ptr<StereoWorkspace>> create(int width, int height,
+                                                         const MatcherOptions& options);
+  bool fits(int width, int height) const {
+    return matcher.width() == width && matcher.height() == height;
+  }
+
+  StereoMatcher matcher;
+  AlignedArray<std::uint16_t> left, right;  // rectified; as bytes for kGray8
+  AlignedArray<std::int16_t> disparity;
+
+ private:
+  explicit StereoWorkspace(StereoMatcher the_matcher);
+};
+
+// What is told of a camera besides its depth.
+struct StereoReport {
+  double matched_share = 0;    // of the last image, 0 .. 1
+  bool usable = true;          // the last image; else it was too dark or too bright to match
+  std::uint64_t unusable = 0;  // images so far
+  std::uint64_t refused = 0;   // slots that did not fit
+  ExposureStatistics seen;     // of the last image
+  Exposure next;               // what the law asks for; zeros: the camera's cannot be chosen
+  double row_offset_px = 0;    // right rows minus left ones, by the last checks
+  int row_checks = 0;          // that told something, so far
+  bool misaligned = false;     // three checks in a row were beyond the limit
 };
 
 class StereoToDepth {
  public:
-  // Allocates everything convert() needs; `rectification` is copied. The Error is the matcher's.
-  static Result<StereoToDepth> create(StereoRectification rectification,
-                                      const StereoToDepthOptions& options = {});
+  // Allocates everything convert() needs; `rectification` is moved in. Without tables the images
+  // are taken for rectified ones. `workspace` is of this size and must outlive this.
+  StereoToDepth(StereoRectification rectification, StereoWorkspace& workspace,
+                const StereoToDepthOptions& options = {});
+
+  // Pixels that say something of the light: a bit a pixel of the rectified image, 1 inside (no
+  // window, no screen). All of them without it. Allocates.
+  void set_exposure_mask(std::vector<std::uint64_t> mask) { mask_ = std::move(mask); }
 
   // The slot holds the left image and then the right one, of the rectification's size, as kGray8 or
   // kGray16. `whole` asks for the whole image (while the background is learned), `feedback` for
   // regions of the rectified left image that are matched in any case. The depth image is this
-  // object's, valid until the next call; an empty one (no pixels) when the slot does not fit, which
-  // is counted. Never allocates; one thread at a time.
+  // object's, valid until the next call; an empty one (no pixels) when the slot does not fit or the
+  // image is unusable, which is told. Never allocates; one thread at a time.
   DepthImage convert(const FrameSlot& slot, bool whole, std::span<const PixelRect> feedback);
 
-  // Of the last image, 0 .. 1; for the metrics.
-  double matched_share() const { return matched_share_; }
-  std::uint64_t refused() const { return refused_; }
+  // Of the image that convert() returned last.
+  std::span<std::byte> depth_bytes() {
+    return std::as_writable_bytes(std::span(depth_.data(), depth_.size()));
+  }
+
+  const StereoReport& report() const { return report_; }
   const Camera& camera() const { return rectification_.camera; }
-  // The rectified images of the last call, for the row alignment check.
-  GrayImage left() const { return rectified(left_); }
-  GrayImage right() const { return rectified(right_); }
 
  private:
-  StereoToDepth(StereoRectification rectification, const StereoToDepthOptions& options,
-                StereoMatcher matcher);
-  GrayImage rectified(const AlignedArray<std::uint16_t>& image) const;
+  GrayImage rectified(const FrameSlot& slot, int index);
+  void judge_exposure(const FrameSlot& slot, const GrayImage& left);
+  bool wants_whole(HostTime instant) const;
+  void match(const GrayImage& left, const GrayImage& right, std::span<const PixelRect> regions);
+  void check_alignment(HostTime instant, const GrayImage& left, const GrayImage& right);
 
   StereoRectification rectification_;
+  StereoWorkspace* workspace_;
   StereoToDepthOptions options_;
-  StereoMatcher matcher_;
   ChangeGate gate_;
   DepthTable table_;
-  PixelFormat format_ = PixelFormat::kGray16;
-  AlignedArray<std::uint16_t> left_, right_;  // as bytes for kGray8
-  AlignedArray<std::int16_t> disparity_;
+  AlignmentCheck alignment_;
+  std::vector<std::uint64_t> mask_;
   AlignedArray<std::uint16_t> depth_;
-  bool has_matched_whole_ = false;
-  HostTime matched_whole_{};
-  double matched_share_ = 0;
-  std::uint64_t refused_ = 0;
+  bool has_matched_whole_ = false, has_checked_ = false;
+  HostTime matched_whole_{}, checked_{};
+  int misaligned_in_a_row_ = 0;
+  StereoReport report_;
 };
 
 // What the rig says of such a sensor: camera, baseline and noise. Pose, name, rate and trims are

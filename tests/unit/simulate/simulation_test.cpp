@@ -144,7 +144,7 @@ to = [5.0, 0.5]
     device.next(s.slot);
     for (int v = 0; v < 480; ++v) {
       for (int u = 0; u < 640; ++u) {
-        const std::int32_t tag = device.model().tag_at(u, v);
+        const std::int32_t tag = device.kinect()->tag_at(u, v);
         const std::uint16_t z = s.slot.depth().at(u, v);
         if (tag <= 0 || z == 0) continue;
         const RigSensor& sensor = rig.sensors[k];

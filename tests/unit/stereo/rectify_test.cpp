@@ -57,7 +57,7 @@ TEST_P(Rectification, PointsLieOnOneRowAndTablesAgreeWithTheCameras) {
     const bool sees = source->x() > 1 && source->x() < 767 && source->y() > 1 && source->y() < 446;
     if (!sees) continue;
     ++inside;
-    ASSERT_NE(entry, kOutside);
+    ASSERT_NE(entry, kOutsideSource);
     EXPECT_NEAR((entry >> 10) % 769 + (entry & 31) / 32.0, source->x(), 0.5 / 32 + 1e-9);
     EXPECT_NEAR((entry >> 10) / 769 + (entry >> 5 & 31) / 32.0, source->y(), 0.5 / 32 + 1e-9);
   }
@@ -85,7 +85,7 @@ TEST_P(Rectification, EveryBuildGivesTheSameBytes) {
   for (auto& entry : table) {
     const int index = between(0, height - 2) * width + between(0, width - 2);
     entry = between(0, 9) == 0
-                ? kOutside
+                ? kOutsideSource
                 : static_cast<RectifyEntry>(index << 10 | between(0, 31) << 5 | between(0, 31));
   }
   std::vector<std::uint16_t> wide(size), wide_out[2];
@@ -153,7 +153,7 @@ TEST(Rectify, WhatTheSourceDoesNotSeeIsBlack) {
   std::vector<std::uint8_t> out(64 * 48);
   rectify({white.data(), PixelFormat::kGray8, 64, 48}, made->left, out.data());
   for (std::size_t k = 0; k < out.size(); ++k)
-    EXPECT_EQ(out[k], made->left[k] == kOutside ? 0 : 200);
+    EXPECT_EQ(out[k], made->left[k] == kOutsideSource ? 0 : 200);
   EXPECT_THAT(out, testing::Contains(0));
   EXPECT_THAT(out, testing::Contains(200));
 }

@@ -60,6 +60,7 @@ class StereoToDepthTest : public testing::TestWithParam<MatcherMode> {
       Eigen::Vector3d(0.12, 0.002, -0.003)};
   std::vector<std::uint16_t> pixels_ = std::vector<std::uint16_t>(2 * kWidth * kHeight);
   FrameSlot slot_;
+  std::unique_ptr<StereoWorkspace> workspace_;
 
   void SetUp() override {
     slot_.format = PixelFormat::kGray16;
@@ -67,15 +68,17 @@ class StereoToDepthTest : public testing::TestWithParam<MatcherMode> {
     slot_.height = kHeight;
     slot_.bytes = std::as_writable_bytes(std::span(pixels_));
   }
-  StereoToDepth made() const {
+  StereoToDepth made() {
     auto rectification = make_rectification(left_, right_, X_LR_);
     EXPECT_TRUE(rectification);
     StereoToDepthOptions options;
     options.matcher.mode = GetParam();
     options.matcher.disparity_count = 32;
-    auto stereo = StereoToDepth::create(*rectification, options);
-    EXPECT_TRUE(stereo);
-    return std::move(*stereo);
+    options.whole_every_s = 2.0;
+    options.aligned_every_s = 0.5;
+    if (workspace_ == nullptr)
+      workspace_ = *StereoWorkspace::create(kWidth, kHeight, options.matcher);
+    return StereoToDepth(std::move(*rectification), *workspace_, options);
   }
   void take(double seconds, bool with_box) {
     slot_.instant = HostTime(from_seconds(seconds));
@@ -113,7 +116,7 @@ TEST_P(StereoToDepthTest, DepthsOfAWallLieWithinTheStatedNoise) {
   const Quality found = quality(depth, stereo, X_LS, kWallZ, {60, 20, 300, 220});
   EXPECT_GT(found.density, 0.95);
   EXPECT_LT(found.off, 0.01);
-  EXPECT_EQ(stereo.matched_share(), 1.0);
+  EXPECT_EQ(stereo.report().matched_share, 1.0);
 }
 
 TEST_P(StereoToDepthTest, OnlyWhatChangedIsMatchedAndTheRestIsKept) {
@@ -123,19 +126,19 @@ TEST_P(StereoToDepthTest, OnlyWhatChangedIsMatchedAndTheRestIsKept) {
   take(0.1, true);
   const DepthImage with_box = stereo.convert(slot_, false, {});
   const Rigid X_LS = make_rectification(left_, right_, X_LR_)->X_LS;
-  EXPECT_LT(stereo.matched_share(), 0.6);
-  EXPECT_GT(stereo.matched_share(), 0.1);
+  EXPECT_LT(stereo.report().matched_share, 0.6);
+  EXPECT_GT(stereo.report().matched_share, 0.1);
   EXPECT_LT(quality(with_box, stereo, X_LS, kBoxZ, {140, 80, 180, 160}).off, 0.02);
   EXPECT_LT(quality(with_box, stereo, X_LS, kWallZ, {240, 20, 300, 220}).off, 0.02);
   take(0.2, true);
   stereo.convert(slot_, false, {});
-  EXPECT_EQ(stereo.matched_share(), 0);  // nothing moved
+  EXPECT_EQ(stereo.report().matched_share, 0);  // nothing moved
   take(0.3, false);
   const DepthImage gone = stereo.convert(slot_, false, {});
   EXPECT_LT(quality(gone, stereo, X_LS, kWallZ, {140, 80, 180, 160}).off, 0.02);
   take(2.5, false);
   stereo.convert(slot_, false, {});
-  EXPECT_EQ(stereo.matched_share(), 1.0);  // at its slow rhythm
+  EXPECT_EQ(stereo.report().matched_share, 1.0);  // at its slow rhythm
 }
 
 TEST_P(StereoToDepthTest, ConvertingAllocatesNothing) {
@@ -161,7 +164,63 @@ TEST_P(StereoToDepthTest, ASlotThatDoesNotFitIsRefusedAndCounted) {
   slot_.format = PixelFormat::kGray16;
   slot_.bytes = slot_.bytes.first(100);
   EXPECT_EQ(stereo.convert(slot_, false, {}).pixels, nullptr);
-  EXPECT_EQ(stereo.refused(), 3U);
+  EXPECT_EQ(stereo.report().refused, 3U);
+}
+
+// Two cameras that are converted in turns with one workspace see what each of them sees alone.
+TEST_P(StereoToDepthTest, CamerasShareAWorkspace) {
+  StereoToDepth alone = made();
+  take(0.0, false);
+  const DepthImage first = alone.convert(slot_, false, {});
+  const std::vector<std::uint16_t> before(first.pixels, first.pixels + first.pixel_count());
+  take(0.1, true);
+  const DepthImage second = alone.convert(slot_, false, {});
+  const std::vector<std::uint16_t> after(second.pixels, second.pixels + second.pixel_count());
+
+  StereoToDepth a = made(), b = made();
+  take(0.0, false);
+  a.convert(slot_, false, {});
+  take(0.0, true);
+  b.convert(slot_, false, {});
+  take(0.1, true);
+  const DepthImage mixed = a.convert(slot_, false, {});
+  EXPECT_LT(a.report().matched_share, 1.0);
+  EXPECT_TRUE(std::equal(after.begin(), after.end(), mixed.pixels));
+  EXPECT_NE(before, after);
+}
+
+TEST_P(StereoToDepthTest, ImagesTooDarkAreUnusableAndAskForLight) {
+  StereoToDepth stereo = made();
+  std::fill(pixels_.begin(), pixels_.end(), std::uint16_t{20});
+  slot_.exposure = {500, 0};
+  EXPECT_EQ(stereo.convert(slot_, false, {}).pixels, nullptr);
+  EXPECT_FALSE(stereo.report().usable);
+  EXPECT_EQ(stereo.report().unusable, 1U);
+  EXPECT_GT(stereo.report().next.shutter_us, 1000);
+  take(0.1, false);
+  EXPECT_NE(stereo.convert(slot_, false, {}).pixels, nullptr);
+  EXPECT_TRUE(stereo.report().usable);
+  slot_.exposure = {};
+  stereo.convert(slot_, false, {});
+  EXPECT_EQ(stereo.report().next.shutter_us, 0) << "a camera that cannot be told is told nothing";
+}
+
+TEST_P(StereoToDepthTest, APairThatLostItsAlignmentSaysSo) {
+  StereoToDepth stereo = made();
+  for (int i = 0; i < 4; ++i) {
+    take(0.6 * i, false);
+    stereo.convert(slot_, true, {});
+  }
+  EXPECT_EQ(stereo.report().row_checks, 4);
+  EXPECT_NEAR(stereo.report().row_offset_px, 0, 0.2);
+  EXPECT_FALSE(stereo.report().misaligned);
+  right_.cy += 2.5;  // the right imager nods; the tables do not know
+  for (int i = 4; i < 9; ++i) {
+    take(0.6 * i, false);
+    stereo.convert(slot_, true, {});
+    EXPECT_EQ(stereo.report().misaligned, i >= 6) << i;
+  }
+  EXPECT_NEAR(stereo.report().row_offset_px, 2.5, 0.4);
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, StereoToDepthTest,
