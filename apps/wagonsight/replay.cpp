@@ -48,6 +48,8 @@ class Replay {
   Result<void> process_all(OutputFile& out);
   Result<void> write_cloud(std::uint64_t index);
   void wait_for(HostTime instant);
+  static HostTime newest_instant(const FrameSet& set);
+  void note_stereo(const FrameSet& set);
   tl::unexpected<Error> in_recording(const Error& error) const {
     const bool is_damage = recording_.reader->cursor().damaged_chunks() > 0;
     return fail(fmt::format("{} {}{}", recording_.path, error.message,
@@ -95,6 +97,21 @@ void Replay::wait_for(HostTime instant) {
   std::this_thread::sleep_until(*real_start_ + (instant - first_instant_));
 }
 
+// When the last of its frames was taken: nothing can be told before.
+HostTime Replay::newest_instant(const FrameSet& set) {
+  HostTime newest = set.instant;
+  for (const SensorFrame& frame : set.sensors)
+    if (frame.state == FrameState::kPresent) newest = std::max(newest, frame.slot->instant);
+  return newest;
+}
+
+void Replay::note_stereo(const FrameSet& set) {
+  for (std::size_t i = 0; i < setup_.rig.sensors.size(); ++i)
+    if (const StereoReport* report = pipeline_->stereo_report(i);
+        report != nullptr && set.sensors[i].state == FrameState::kPresent)
+      timings_.add_matched_share(report->matched_share);
+}
+
 Result<void> Replay::write_cloud(std::uint64_t index) {
   cloud_.clear();
   for (const FusedPoint& point : pipeline_->fused_points())
@@ -114,14 +131,18 @@ Result<void> Replay::process_all(OutputFile& out) {
     if (!*more) return {};
     if (set_count_ == 0) first_instant_ = set.instant;
     last_instant_ = set.instant;
-    if (options_.realtime) wait_for(set.instant);
+    if (options_.realtime) wait_for(newest_instant(set));
     const Duration before = StageTimings::thread_time();
     const PeopleFrame& frame = pipeline_->process(set);
     timings_.add(pipeline_->last_stage_times(), StageTimings::thread_time() - before);
+    note_stereo(set);
     line.clear();
     append_people_line(frame, true, line);
     line += '\n';
     if (auto done = out.write(std::string_view(line)); !done) return done;
+    if (options_.realtime)
+      timings_.add_latency(std::chrono::steady_clock::now() -
+                           (*real_start_ + (newest_instant(set) - first_instant_)));
     if (!options_.clouds.empty())
       if (auto done = write_cloud(set_count_); !done) return done;
     progress.update(++set_count_);

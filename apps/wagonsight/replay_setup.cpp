@@ -65,6 +65,7 @@ PipelineOptions options_of(const PipelineSettings& settings, const StereoSetting
           .learning_s = settings.learning_s,
           .fps_expected = settings.fps_expected,
           .compensate_skew = settings.compensate_skew,
+          .without_background = false,
           .stereo = stereo_options(stereo)};
 }
 

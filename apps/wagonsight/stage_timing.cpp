@@ -62,7 +62,19 @@ std::string StageTimings::to_json(Duration recorded) const {
   text += fmt::format(R"("frameset_processor":{},"stages":{{)", summary(processor_ms_));
   for (std::size_t i = 0; i < kStageCount; ++i)
     text += fmt::format(R"({}"{}":{})", i == 0 ? "" : ",", kStageNames[i], summary(stages_ms_[i]));
-  return text + "}}\n";
+  text += "}";
+  if (!latency_ms_.empty()) {
+    constexpr double kBacklogMax_ms = 300;  // the daemon skips what is older
+    const auto late = std::count_if(latency_ms_.begin(), latency_ms_.end(),
+                                    [](double ms) { return ms > kBacklogMax_ms; });
+    text += fmt::format(R"(,"latency":{},"late":{})", summary(latency_ms_), late);
+  }
+  if (!matched_share_.empty()) {
+    const double sum = std::accumulate(matched_share_.begin(), matched_share_.end(), 0.0);
+    text += fmt::format(R"(,"stereo_images":{},"stereo_matched_share":{:.4f})",
+                        matched_share_.size(), sum / static_cast<double>(matched_share_.size()));
+  }
+  return text + "}\n";
 }
 
 }  // namespace wagonsight

@@ -7,6 +7,7 @@
 #include "base/check.h"
 #include "recording/ros_messages.h"
 #include "rig/blob.h"
+#include "rig/stereo_pair.h"
 
 namespace wagonsight {
 namespace {
@@ -42,6 +43,23 @@ std::uint64_t unsigned_ns(HostTime time) {
 
 std::size_t image_count(const RigSensor& sensor) {
   return sensor.kind == SensorKind::kStereo ? 2 : 1;
+}
+
+// Image 1 is the right one of a pair. What is recorded of a pair with lenses are its images as they
+// come, before rectification.
+CameraInfoMessage camera_info_of(const RigSensor& sensor, std::size_t image_index) {
+  CameraInfoMessage info;
+  info.camera = sensor.camera;
+  info.baseline = image_index == 1 ? sensor.stereo.baseline : 0;
+  if (!sensor.stereo.has_lenses()) return info;
+  const StereoGeometry& stereo = sensor.stereo;
+  const auto pair = rectified_pair(stereo.left, stereo.right, stereo.X_LR);
+  if (!pair) return info;
+  info.rectified = pair->camera;
+  info.camera = image_index == 1 ? stereo.right : stereo.left;
+  const Rigid& X_IS = image_index == 1 ? pair->X_RS : pair->X_LS;
+  info.R = X_IS.rotation.toRotationMatrix().transpose();
+  return info;
 }
 
 }  // namespace
@@ -108,7 +126,7 @@ Result<RecordingWriter::Stream> RecordingWriter::add_stream(const RigSensor& sen
   if (!image) return tl::unexpected(image.error());
   const auto info = mcap_->add_channel(schemas.camera_info, base + "/camera_info", "cdr", metadata);
   if (!info) return tl::unexpected(info.error());
-  return Stream{*image, *info};
+  return Stream{*image, *info, camera_info_of(sensor, stream == "right" ? 1 : 0)};
 }
 
 Result<void> RecordingWriter::add_sensor(const RigSensor& sensor, const SchemaIds& schemas) {
@@ -153,11 +171,10 @@ void RecordingWriter::write_image(const FrameSlot& slot, std::size_t image_index
   mcap_->add_message(message, {scratch_.bytes(), image.data});
 
   scratch_.clear();
-  encode_camera_info({.stamp = slot.instant,
-                      .frame_id = sensor.name.view(),
-                      .camera = sensor.camera,
-                      .baseline = image_index == 1 ? sensor.stereo.baseline : 0},
-                     scratch_);
+  CameraInfoMessage info = stream.camera;
+  info.stamp = slot.instant;
+  info.frame_id = sensor.name.view();
+  encode_camera_info(info, scratch_);
   message.channel_id = stream.camera_info;
   mcap_->add_message(message, {scratch_.bytes()});
 }

@@ -11,6 +11,7 @@
 #include "base/result.h"
 #include "frame/frame.h"
 #include "recording/mcap_writer.h"
+#include "recording/ros_messages.h"
 #include "rig/rig.h"
 
 namespace wagonsight {
@@ -50,6 +51,7 @@ class RecordingWriter {
  private:
   struct Stream {
     std::uint16_t image = 0, camera_info = 0;  // channels
+    CameraInfoMessage camera;                  // of every image but its time and name
   };
   struct SensorChannels {
     std::uint16_t frame_info = 0;

@@ -136,9 +136,11 @@ void encode_camera_info(const CameraInfoMessage& info, ByteWriter& out) {
   cdr.number(static_cast<std::uint32_t>(c.distortion.size()));
   for (const double d : c.distortion) cdr.number(d);
   for (const double k : {c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0}) cdr.number(k);
-  for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) cdr.number(r);
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) cdr.number(info.R(row, column));
+  const Camera& r = info.rectified.width > 0 ? info.rectified : c;
   for (const double p :
-       {c.fx, 0.0, c.cx, -c.fx * info.baseline, 0.0, c.fy, c.cy, 0.0, 0.0, 0.0, 1.0, 0.0})
+       {r.fx, 0.0, r.cx, -r.fx * info.baseline, 0.0, r.fy, r.cy, 0.0, 0.0, 0.0, 1.0, 0.0})
     cdr.number(p);
   cdr.number(std::uint32_t{0});                              // binning_x
   cdr.number(std::uint32_t{0});                              // binning_y
@@ -178,6 +180,8 @@ std::optional<CameraInfoMessage> decode_camera_info(std::span<const std::byte> m
   info.camera.fy = k[4];
   info.camera.cy = k[5];
   info.baseline = p[0] > 0 ? -p[3] / p[0] : 0;
+  for (int i = 0; i < 9; ++i) info.R(i / 3, i % 3) = r[static_cast<std::size_t>(i)];
+  info.rectified = {info.camera.width, info.camera.height, p[0], p[5], p[2], p[6], {}};
   return info;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -40,13 +41,17 @@ struct ImageMessage {
 void encode_image_header(const ImageMessage& image, ByteWriter& out);
 std::optional<ImageMessage> decode_image(std::span<const std::byte> message);
 
-// sensor_msgs/msg/CameraInfo with the model plumb_bob. For the right imager of a rectified pair
-// `baseline` (metres) is positive and P[3] = -fx * baseline.
+// sensor_msgs/msg/CameraInfo with the model plumb_bob. K and D are of the image as it is, R turns
+// it onto the rectified plane, P is the camera there: `rectified`, or `camera` itself where that
+// has no width. For the right imager of a pair `baseline` (metres) is positive and P[3] = -fx *
+// baseline.
 struct CameraInfoMessage {
   HostTime stamp{};
   std::string_view frame_id{};
   Camera camera{};
   double baseline = 0;
+  Camera rectified{};
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
 };
 
 void encode_camera_info(const CameraInfoMessage& info, ByteWriter& out);

@@ -29,7 +29,7 @@ bool puts_before_taking(const ScenePassenger& passenger, bool pram) {
 
 }  // namespace
 
-Actor::Actor(const ScenePassenger& passenger, std::size_t index, const Stage& stage,
+Actor::Actor(const ScenePassenger& passenger, std::size_t index, const Surroundings& stage,
              std::uint64_t seed)
     : passenger_(&passenger), index_(index), seed_(mixed(seed, 0xAC70, index)) {
   figure_.height = passenger.height;
@@ -85,7 +85,7 @@ void Actor::get_up() {
     add(MotionKind::kLean, 0.6);
 }
 
-int Actor::nearest_door(const Stage& stage) const {
+int Actor::nearest_door(const Surroundings& stage) const {
   int best = -1;
   double least = 1e9;
   for (std::size_t i = 0; i < stage.doorways.size(); ++i) {
@@ -95,7 +95,7 @@ int Actor::nearest_door(const Stage& stage) const {
   return best;
 }
 
-int Actor::nearest_seat(const Vector2d& near, const Stage& stage) const {
+int Actor::nearest_seat(const Vector2d& near, const Surroundings& stage) const {
   int best = -1;
   double least = 1e9;
   for (std::size_t i = 0; i < stage.scene->seats.size(); ++i) {
@@ -110,7 +110,7 @@ int Actor::nearest_seat(const Vector2d& near, const Stage& stage) const {
   return best;
 }
 
-int Actor::find_item(const SceneAct& act, const Stage& stage) const {
+int Actor::find_item(const SceneAct& act, const Surroundings& stage) const {
   int best = -1;
   double least = 1e9;
   const Vector2d near = act.to.value_or(at());
@@ -127,7 +127,7 @@ int Actor::find_item(const SceneAct& act, const Stage& stage) const {
 }
 
 // Where an act leads to: a point, the place before a seat, or the inner side of a door.
-Vector2d Actor::destination(const SceneAct& act, const Stage& stage) const {
+Vector2d Actor::destination(const SceneAct& act, const Surroundings& stage) const {
   if (act.to) return *act.to;
   if (act.seat >= 0) return before_seat(stage.scene->seats[static_cast<std::size_t>(act.seat)]);
   if (act.door >= 0) {
@@ -137,7 +137,7 @@ Vector2d Actor::destination(const SceneAct& act, const Stage& stage) const {
   return at();
 }
 
-void Actor::begin_enter(const SceneAct& act, const Stage& stage) {
+void Actor::begin_enter(const SceneAct& act, const Surroundings& stage) {
   int door = act.door >= 0 ? act.door : passenger_->door;
   if (door < 0) door = std::max(0, nearest_door(stage));
   const Doorway& way = stage.doorways[static_cast<std::size_t>(door)];
@@ -162,7 +162,7 @@ void Actor::begin_enter(const SceneAct& act, const Stage& stage) {
   }
 }
 
-void Actor::begin_sit(const SceneAct& act, const Stage& stage) {
+void Actor::begin_sit(const SceneAct& act, const Surroundings& stage) {
   int seat = act.seat;
   if (seat < 0) seat = nearest_seat(act.to.value_or(at()), stage);
   if (seat < 0) return;  // all are taken: it goes on standing
@@ -174,7 +174,7 @@ void Actor::begin_sit(const SceneAct& act, const Stage& stage) {
   add(MotionKind::kSit, 1.2, seat);
 }
 
-void Actor::begin_lean(const SceneAct& act, const Stage& stage) {
+void Actor::begin_lean(const SceneAct& act, const Surroundings& stage) {
   if (act.seat >= 0 && seat_ != act.seat) begin_sit(act, stage);
   Vector2d towards = at() + direction_of(pose_.yaw);
   if (act.to) {
@@ -197,7 +197,7 @@ void Actor::begin_lean(const SceneAct& act, const Stage& stage) {
   add(MotionKind::kLean, 0.8, 0, towards);
 }
 
-void Actor::begin_lie(const SceneAct& act, const Stage& stage) {
+void Actor::begin_lie(const SceneAct& act, const Surroundings& stage) {
   if (pose_.recline > 0.5) return;
   if (act.seat < 0) {
     if (act.to) {
@@ -214,7 +214,7 @@ void Actor::begin_lie(const SceneAct& act, const Stage& stage) {
   add(MotionKind::kLieDown, 3.0, act.seat);
 }
 
-void Actor::begin_item(const SceneAct& act, const Stage& stage) {
+void Actor::begin_item(const SceneAct& act, const Surroundings& stage) {
   const bool takes = act.kind == ActKind::kTake;
   const int item = takes ? find_item(act, stage) : -1;
   if (takes && item < 0) return;  // nobody has put such a thing down
@@ -234,7 +234,7 @@ void Actor::begin_item(const SceneAct& act, const Stage& stage) {
   if (!pram) add(MotionKind::kStraighten, 0.7);
 }
 
-void Actor::begin_leave(const SceneAct& act, const Stage& stage) {
+void Actor::begin_leave(const SceneAct& act, const Surroundings& stage) {
   int door = act.door;
   if (door < 0) door = nearest_door(stage);
   if (door < 0) return;
@@ -249,7 +249,7 @@ void Actor::begin_leave(const SceneAct& act, const Stage& stage) {
   add(MotionKind::kVanish);
 }
 
-void Actor::begin(const SceneAct& act, const Stage& stage) {
+void Actor::begin(const SceneAct& act, const Surroundings& stage) {
   motions_.clear();
   motion_ = 0;
   started_ = false;
@@ -296,7 +296,7 @@ void Actor::begin(const SceneAct& act, const Stage& stage) {
   }
 }
 
-void Actor::tick(double now, double dt, const Stage& stage) {
+void Actor::tick(double now, double dt, const Surroundings& stage) {
   while (motion_ >= motions_.size()) {
     door_in_use_ = -1;
     const double repeat_s = stage.scene->repeat_s;

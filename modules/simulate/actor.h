@@ -32,7 +32,7 @@ struct Neighbour {
 };
 
 // What all passengers of a scene share; the world owns it.
-struct Stage {
+struct Surroundings {
   const Scene* scene = nullptr;
   FloorPlan* plan = nullptr;
   std::span<const Doorway> doorways;
@@ -48,13 +48,14 @@ struct Stage {
 // An act whose time comes while another one runs begins when that one has ended.
 class Actor {
  public:
-  Actor(const ScenePassenger& passenger, std::size_t index, const Stage& stage, std::uint64_t seed);
+  Actor(const ScenePassenger& passenger, std::size_t index, const Surroundings& stage,
+        std::uint64_t seed);
 
   // Goes on by one tick of `dt` seconds that ends at `now`. Does not allocate.
-  void tick(double now, double dt, const Stage& stage);
+  void tick(double now, double dt, const Surroundings& stage);
 
   // Moves a little, where there is floor to stand on, because somebody else is in the way.
-  void give_way(const Eigen::Vector2d& shift, const Stage& stage);
+  void give_way(const Eigen::Vector2d& shift, const Surroundings& stage);
 
   const Figure& figure() const { return figure_; }
   const Pose& pose() const { return pose_; }
@@ -94,37 +95,38 @@ class Actor {
   };
 
   static Eigen::Vector2d before_seat(const SceneSeat& seat);
-  void begin(const SceneAct& act, const Stage& stage);
-  void begin_enter(const SceneAct& act, const Stage& stage);
-  void begin_sit(const SceneAct& act, const Stage& stage);
-  void begin_lean(const SceneAct& act, const Stage& stage);
-  void begin_lie(const SceneAct& act, const Stage& stage);
-  void begin_item(const SceneAct& act, const Stage& stage);
-  void begin_leave(const SceneAct& act, const Stage& stage);
+  void begin(const SceneAct& act, const Surroundings& stage);
+  void begin_enter(const SceneAct& act, const Surroundings& stage);
+  void begin_sit(const SceneAct& act, const Surroundings& stage);
+  void begin_lean(const SceneAct& act, const Surroundings& stage);
+  void begin_lie(const SceneAct& act, const Surroundings& stage);
+  void begin_item(const SceneAct& act, const Surroundings& stage);
+  void begin_leave(const SceneAct& act, const Surroundings& stage);
   void get_up();
   void walk_to(const Eigen::Vector2d& to);
   void add(MotionKind kind, double value = 0, int index = -1,
            const Eigen::Vector2d& to = Eigen::Vector2d::Zero());
-  Eigen::Vector2d destination(const SceneAct& act, const Stage& stage) const;
-  int nearest_seat(const Eigen::Vector2d& near, const Stage& stage) const;
-  int nearest_door(const Stage& stage) const;
-  int find_item(const SceneAct& act, const Stage& stage) const;
+  Eigen::Vector2d destination(const SceneAct& act, const Surroundings& stage) const;
+  int nearest_seat(const Eigen::Vector2d& near, const Surroundings& stage) const;
+  int nearest_door(const Surroundings& stage) const;
+  int find_item(const SceneAct& act, const Surroundings& stage) const;
 
-  bool run(const Motion& motion, double dt, const Stage& stage);  // true when it has ended
-  bool follow(const Motion& motion, double dt, const Stage& stage);
+  bool run(const Motion& motion, double dt, const Surroundings& stage);  // true when it has ended
+  bool follow(const Motion& motion, double dt, const Surroundings& stage);
   bool step_towards(const Eigen::Vector2d& to, double dt, bool last, bool evade,
-                    const Stage& stage);
+                    const Surroundings& stage);
   bool turn_towards(double yaw, double rate, double dt);
   bool settle(MotionKind kind, double seconds, double dt);
   bool lean(const Motion& motion, double dt);
   void appear(const Motion& motion);
   void slow_down(double dt);
-  bool sit_down(const Motion& motion, double dt, const Stage& stage);
-  bool recline(const Motion& motion, double seconds, double dt, const Stage& stage);
-  double clear_fall_direction(double wanted, const Stage& stage) const;
-  void handle_item(const Motion& motion, const Stage& stage);
+  bool sit_down(const Motion& motion, double dt, const Surroundings& stage);
+  bool recline(const Motion& motion, double seconds, double dt, const Surroundings& stage);
+  double clear_fall_direction(double wanted, const Surroundings& stage) const;
+  void handle_item(const Motion& motion, const Surroundings& stage);
   double eased(double dt, double seconds);  // progress_ goes on; smooth 0..1
-  Eigen::Vector2d evade(const Eigen::Vector2d& direction, double& pace, const Stage& stage) const;
+  Eigen::Vector2d evade(const Eigen::Vector2d& direction, double& pace,
+                        const Surroundings& stage) const;
   Eigen::Vector2d at() const { return {pose_.x, pose_.y}; }
 
   const ScenePassenger* passenger_;

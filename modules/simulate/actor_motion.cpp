@@ -36,7 +36,7 @@ bool Actor::turn_towards(double yaw, double rate, double dt) {
 
 // Steers around others who are near and ahead, keeping right when in doubt; `pace` 0..1 is what is
 // left of the speed.
-Vector2d Actor::evade(const Vector2d& direction, double& pace, const Stage& stage) const {
+Vector2d Actor::evade(const Vector2d& direction, double& pace, const Surroundings& stage) const {
   const Vector2d right(direction.y(), -direction.x());
   double push = 0;
   for (std::size_t i = 0; i < stage.neighbours.size(); ++i) {
@@ -59,7 +59,7 @@ Vector2d Actor::evade(const Vector2d& direction, double& pace, const Stage& stag
 }
 
 bool Actor::step_towards(const Vector2d& to, double dt, bool last, bool evades,
-                         const Stage& stage) {
+                         const Surroundings& stage) {
   const Vector2d gap = to - at();
   const double distance = gap.norm();
   const double near = last ? 0.02 : 0.18;
@@ -92,7 +92,7 @@ bool Actor::step_towards(const Vector2d& to, double dt, bool last, bool evades,
   return false;
 }
 
-bool Actor::follow(const Motion& motion, double dt, const Stage& stage) {
+bool Actor::follow(const Motion& motion, double dt, const Surroundings& stage) {
   if (!started_) {
     stage.plan->find_way(at(), motion.to, way_);
     waypoint_ = 0;
@@ -108,7 +108,7 @@ bool Actor::follow(const Motion& motion, double dt, const Stage& stage) {
   return waypoint_ >= way_.size();
 }
 
-bool Actor::sit_down(const Motion& motion, double dt, const Stage& stage) {
+bool Actor::sit_down(const Motion& motion, double dt, const Surroundings& stage) {
   const SceneSeat& seat = stage.scene->seats[static_cast<std::size_t>(motion.index)];
   seat_ = motion.index;
   const double share = eased(dt, motion.value);
@@ -121,7 +121,7 @@ bool Actor::sit_down(const Motion& motion, double dt, const Stage& stage) {
   return progress_ >= 1;
 }
 
-double Actor::clear_fall_direction(double wanted, const Stage& stage) const {
+double Actor::clear_fall_direction(double wanted, const Surroundings& stage) const {
   // Of sixteen directions the one nearest to the wanted one in which the body finds room.
   const double length = 0.95 * figure_.height;
   for (int i = 0; i < 16; ++i) {
@@ -134,7 +134,7 @@ double Actor::clear_fall_direction(double wanted, const Stage& stage) const {
   return wanted;
 }
 
-bool Actor::recline(const Motion& motion, double seconds, double dt, const Stage& stage) {
+bool Actor::recline(const Motion& motion, double seconds, double dt, const Surroundings& stage) {
   const bool falls = motion.kind == MotionKind::kFall;
   if (progress_ <= 0) {
     double wanted = pose_.yaw;
@@ -173,7 +173,7 @@ bool Actor::recline(const Motion& motion, double seconds, double dt, const Stage
   return progress_ >= 1;
 }
 
-void Actor::handle_item(const Motion& motion, const Stage& stage) {
+void Actor::handle_item(const Motion& motion, const Surroundings& stage) {
   if (motion.kind == MotionKind::kTake) {
     StandingItem& item = (*stage.items)[static_cast<std::size_t>(motion.index)];
     if (!item.there) return;  // somebody else was faster
@@ -257,7 +257,7 @@ void Actor::slow_down(double dt) {
   pose_.step = std::max(0.0, pose_.step - 1.5 * dt);
 }
 
-void Actor::give_way(const Vector2d& shift, const Stage& stage) {
+void Actor::give_way(const Vector2d& shift, const Surroundings& stage) {
   const Vector2d to = at() + shift;
   if (outside_ || !stage.plan->walkable(to)) return;
   // Half way into a seat or to the floor nobody can be pushed.
@@ -266,7 +266,7 @@ void Actor::give_way(const Vector2d& shift, const Stage& stage) {
   pose_.x = to.x(), pose_.y = to.y();
 }
 
-bool Actor::run(const Motion& motion, double dt, const Stage& stage) {
+bool Actor::run(const Motion& motion, double dt, const Surroundings& stage) {
   if (motion.kind == MotionKind::kFollow) return follow(motion, dt, stage);
   if (!started_) {
     started_ = true;

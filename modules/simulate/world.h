@@ -63,7 +63,7 @@ class World {
   std::vector<Neighbour> neighbours_;
   std::vector<double> door_open_, door_hold_;
   StandingItems items_;
-  Stage stage_;
+  Surroundings stage_;
   std::int64_t ticks_ = 0;     // done so far
   std::vector<Pose> poses_;    // kHistory x passengers
   std::vector<double> doors_;  // kHistory x doors

@@ -150,15 +150,29 @@ double ChangeGate::gain_of_all() {
   return std::clamp(*middle, 1.0 / 64, 64.0);
 }
 
-bool ChangeGate::differs(const Tile& tile, double gain) const {
+double ChangeGate::rest_of(const Tile& tile, double gain) {
+  return tile.variance - 2 * gain * tile.covariance + gain * gain * tile.variance_reference;
+}
+
+// The variance of a difference that is nobody's: the median over the tiles, not less than the
+// imager's own and not more than a sixteenfold of it, which is a crowd.
+double ChangeGate::noise_of_all(double gain) {
+  constexpr double kMost = 16;
   const double noise = options_.noise_levels / 2;  // a sample is the mean of four pixels
-  const double expected_noise = (1 + gain * gain) * noise * noise;
-  const double rest =
-      tile.variance - 2 * gain * tile.covariance + gain * gain * tile.variance_reference;
+  const double own = (1 + gain * gain) * noise * noise;
+  ratios_.clear();
+  for (const Tile& tile : tiles_)
+    if (!ratios_.try_push_back(rest_of(tile, gain))) break;
+  double* middle = ratios_.begin() + ratios_.size() / 2;
+  std::nth_element(ratios_.begin(), middle, ratios_.end());
+  return std::clamp(*middle, own, kMost * own);
+}
+
+bool ChangeGate::differs(const Tile& tile, double gain, double noise) {
   const double texture = gain * gain * tile.variance_reference;
-  if (rest > kVarianceFactor * expected_noise + kTextureShare * texture) return true;
+  if (rest_of(tile, gain) > kVarianceFactor * noise + kTextureShare * texture) return true;
   const double predicted = gain * tile.mean_reference;
-  return std::abs(tile.mean - predicted) > kMeanShare * predicted + 4 * std::sqrt(expected_noise);
+  return std::abs(tile.mean - predicted) > kMeanShare * predicted + 4 * std::sqrt(noise);
 }
 
 void ChangeGate::mark_changes() {
@@ -166,11 +180,11 @@ void ChangeGate::mark_changes() {
   for (int row = 0; row < rows_; ++row)
     for (int column = 0; column < columns_; ++column)
       (void)tiles_.try_push_back(measure(column, row));  // has room for every tile
-  const double gain = gain_of_all();
+  const double gain = gain_of_all(), noise = noise_of_all(gain);
   std::size_t changed = 0;
   for (int row = 0; row < rows_; ++row)
     for (int column = 0; column < columns_; ++column) {
-      if (!differs(tiles_[tile_index(column, row)], gain)) continue;
+      if (!differs(tiles_[tile_index(column, row)], gain, noise)) continue;
       ++changed;
       mark({column * kTile, row * kTile, (column + 1) * kTile, (row + 1) * kTile});
     }

@@ -13,14 +13,15 @@
 namespace wagonsight {
 
 struct ChangeGateOptions {
-  double noise_levels = 12;   // standard deviation of one pixel, in gray levels of 4095
+  double noise_levels = 12;   // standard deviation of one pixel, in gray levels of 4095, at least
   int margin_px = 16;         // matched around what changed
   double whole_share = 0.55;  // of the image to be matched: beyond it all of it is, as one piece
 };
 
 // Tiles of 16 x 16 pixels are compared with the reference after the change of brightness of the
 // whole image has been taken out; a tile's own offset does not count either. A tile has changed
-// when the rest of its variance is above the noise, or when its mean is a fifth off.
+// when the rest of its variance is above the noise, or when its mean is a fifth off. The noise is
+// what half of the tiles show or less: in a tunnel's gain it is several times that of daylight.
 class ChangeGate {
  public:
   ChangeGate(int width, int height, const ChangeGateOptions& options = {});
@@ -42,7 +43,9 @@ class ChangeGate {
   void take_samples(const GrayImage& image);
   Tile measure(int column, int row) const;
   double gain_of_all();
-  bool differs(const Tile& tile, double gain) const;
+  static double rest_of(const Tile& tile, double gain);
+  double noise_of_all(double gain);
+  static bool differs(const Tile& tile, double gain, double noise);
   void mark_changes();
   void mark(const PixelRect& rect);
   void collect_regions();

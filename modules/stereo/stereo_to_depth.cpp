@@ -36,14 +36,17 @@ StereoToDepth::StereoToDepth(StereoRectification rectification, StereoWorkspace&
            rectification_.camera.width, rectification_.camera.height);
 }
 
-// Image 0 is the left one.
-GrayImage StereoToDepth::rectified(const FrameSlot& slot, int index) {
+// Image 0 is the left one. Only its rows [first_row, end_row) are made.
+GrayImage StereoToDepth::rectified(const FrameSlot& slot, int index, int first_row, int end_row) {
   const GrayImage raw{slot.bytes.data() + static_cast<std::size_t>(index) * slot.image_bytes(),
                       slot.format, slot.width, slot.height};
   const auto& table = index == 0 ? rectification_.left : rectification_.right;
   if (table.empty()) return raw;
   AlignedArray<std::uint16_t>& out = index == 0 ? workspace_->left : workspace_->right;
-  rectify(raw, table, out.data());
+  const auto row = static_cast<std::size_t>(slot.width);
+  const std::size_t first = static_cast<std::size_t>(first_row) * row;
+  rectify(raw, RectifyTable(table).subspan(first, static_cast<std::size_t>(end_row) * row - first),
+          reinterpret_cast<std::byte*>(out.data()) + first * bytes_per_pixel(slot.format));
   return {out.data(), slot.format, slot.width, slot.height};
 }
 
@@ -66,15 +69,29 @@ bool StereoToDepth::wants_whole(HostTime instant) const {
   return !has_matched_whole_ || to_seconds(instant - matched_whole_) >= options_.whole_every_s;
 }
 
-void StereoToDepth::match(const GrayImage& left, const GrayImage& right,
+void StereoToDepth::match(const FrameSlot& slot, const GrayImage& left,
                           std::span<const PixelRect> regions) {
   const int width = left.width, height = left.height;
+  constexpr int kRowsAround = 16;  // the paths' run-up, and the census
+  int first_row = height, end_row = 0;
+  for (const PixelRect& region : regions) {
+    first_row = std::min(first_row, region.y0);
+    end_row = std::max(end_row, region.y1);
+  }
+  const GrayImage right = rectified(slot, 1, std::max(first_row - kRowsAround, 0),
+                                    std::min(end_row + kRowsAround, height));
   const ImageView<std::int16_t> disparity{workspace_->disparity.data(), width, height};
   workspace_->matcher.match_regions(left, right, regions, disparity);
   // Elsewhere the disparities are another camera's, and the depth stays what it was.
   const ImageView<std::uint16_t> depth{depth_.data(), width, height};
   for (const PixelRect& region : regions)
     table_.convert({disparity.pixels, width, height}, depth, region);
+  const bool is_whole = regions.size() == 1 && regions[0] == PixelRect{0, 0, width, height};
+  if (!is_whole) return;
+  matched_whole_ = slot.instant;
+  if (!has_matched_whole_) matched_whole_ -= from_seconds(options_.whole_phase_s);
+  has_matched_whole_ = true;
+  check_alignment(slot.instant, left, right);
 }
 
 DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
@@ -86,26 +103,21 @@ DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
     ++report_.refused;
     return {};
   }
-  const GrayImage left = rectified(slot, 0);
+  const GrayImage left = rectified(slot, 0, 0, height);
   judge_exposure(slot, left);
   report_.matched_share = 0;
   if (!report_.usable) return {};  // the gate's reference stays what it was
-  const auto regions = gate_.regions(left, whole || wants_whole(slot.instant), feedback);
+  // What does not change keeps its depth; it is looked at again at a rhythm.
+  const bool feeds_back = to_seconds(slot.instant - fed_back_) >= options_.feedback_every_s;
+  if (feeds_back) fed_back_ = slot.instant;
+  const auto regions = gate_.regions(left, whole || wants_whole(slot.instant),
+                                     feeds_back ? feedback : std::span<const PixelRect>{});
   std::int64_t matched = 0;
   for (const PixelRect& r : regions)
     matched += static_cast<std::int64_t>(r.x1 - r.x0) * (r.y1 - r.y0);
   const auto all = static_cast<std::int64_t>(width) * height;
   report_.matched_share = static_cast<double>(matched) / static_cast<double>(all);
-  if (matched > 0) {
-    const GrayImage right = rectified(slot, 1);
-    match(left, right, regions);
-    if (matched == all) {
-      matched_whole_ = slot.instant;
-      if (!has_matched_whole_) matched_whole_ -= from_seconds(options_.whole_phase_s);
-      has_matched_whole_ = true;
-      check_alignment(slot.instant, left, right);
-    }
-  }
+  if (matched > 0) match(slot, left, regions);
   return {depth_.data(), width, height};
 }
 

@@ -22,12 +22,13 @@ namespace wagonsight {
 struct StereoToDepthOptions {
   MatcherOptions matcher;
   ChangeGateOptions gate;
-  double whole_every_s = 4.0;    // the whole image is matched at least this often
-  double whole_phase_s = 0.0;    // so much earlier the first time: cameras take turns
-  double aligned_every_s = 5.0;  // the rows' alignment is checked this often; 0: never
-  double misaligned_px = 1.0;    // half of the census window: from here on matches go wrong
-  double far_m = 20.0;           // farther readings are dropped
-  int full_scale = 4095;         // the largest gray value
+  double whole_every_s = 4.0;     // the whole image is matched at least this often
+  double feedback_every_s = 0.5;  // the regions of feedback are matched this often, changes always
+  double whole_phase_s = 0.0;     // so much earlier the first time: cameras take turns
+  double aligned_every_s = 5.0;   // the rows' alignment is checked this often; 0: never
+  double misaligned_px = 1.0;     // half of the census window: from here on matches go wrong
+  double far_m = 20.0;            // farther readings are dropped
+  int full_scale = 4095;          // the largest gray value
   ExposureLimits exposure;
 };
 
@@ -90,10 +91,10 @@ class StereoToDepth {
   const Camera& camera() const { return rectification_.camera; }
 
  private:
-  GrayImage rectified(const FrameSlot& slot, int index);
+  GrayImage rectified(const FrameSlot& slot, int index, int first_row, int end_row);
   void judge_exposure(const FrameSlot& slot, const GrayImage& left);
   bool wants_whole(HostTime instant) const;
-  void match(const GrayImage& left, const GrayImage& right, std::span<const PixelRect> regions);
+  void match(const FrameSlot& slot, const GrayImage& left, std::span<const PixelRect> regions);
   void check_alignment(HostTime instant, const GrayImage& left, const GrayImage& right);
 
   StereoRectification rectification_;
@@ -105,7 +106,7 @@ class StereoToDepth {
   std::vector<std::uint64_t> mask_;
   AlignedArray<std::uint16_t> depth_;
   bool has_matched_whole_ = false, has_checked_ = false;
-  HostTime matched_whole_{}, checked_{};
+  HostTime matched_whole_{}, fed_back_{}, checked_{};
   int misaligned_in_a_row_ = 0;
   StereoReport report_;
 };

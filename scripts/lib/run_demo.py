@@ -16,8 +16,12 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 DAEMON = ROOT / "build/release/bin/wagonsightd"
 READY_WITHIN_S = 120  # a slow machine compiles nothing here, but it renders and learns the background
 
-# What the demo must show (four Kinects at 30 fps each, under 1% dropped, half a core for tracking).
-SENSORS, FPS_MIN, DROP_SHARE_MAX, CPU_SHARE_MAX = 4, 29.0, 0.01, 0.5
+# What the demo must show: four Kinects at 30 fps each, under 1% dropped, half a core for tracking; with six stereo cameras
+# beside them, all sensors at 29 of 30 parts of their rates, and one core.
+DROP_SHARE_MAX, RATE_SHARE_MIN = 0.01, 29 / 30
+SENSORS, CPU_SHARE_MAX = {"kinects": 4, "all": 10}, {"kinects": 0.5, "all": 1.0}
+KINECT_HZ = 30
+STEREO_HZ = 5  # the cameras give 14; more cannot be rendered on two cores beside the tracking (see modules/simulate)
 
 
 def get(port, path):
@@ -40,9 +44,21 @@ def refuse_taken_port(port):
             raise SystemExit(f"demo: port {port} cannot be used ({error.strerror}); choose another with --port")
 
 
-def settings_with_port(port):
+def scene_with_stereo():
+    """The demo's scene with six stereo cameras at the rate that can be rendered."""
+    stereo = (ROOT / "config/rigs/six_stereo.toml").read_text()
+    stereo = stereo.replace('kind = "stereo"', f'kind = "stereo"\nrate_hz = {STEREO_HZ}')
+    path = ROOT / "build/demo_scene.toml"
+    path.write_text((ROOT / "config/scenes/demo.toml").read_text() + "\n" + stereo)
+    return path
+
+
+def settings_with_port(port, rig):
     """demo.toml as it is, but on the wanted port. Paths in settings start at the file's folder."""
     text = (ROOT / "config/demo.toml").read_text()
+    if rig == "all":
+        text = re.sub(r'^scene = ".*?"', f'scene = "{scene_with_stereo()}"', text, flags=re.M)
+        text = text.replace('name = "demo wagon"', f'name = "demo wagon, stereo at {STEREO_HZ} of 14 Hz"')
     if re.search(r"^\[web\]", text, re.M):
         raise SystemExit("demo: config/demo.toml has a [web] section; set the port there")
     text = re.sub(r'^scene = "(?!/)', f'scene = "{ROOT}/config/', text, flags=re.M)
@@ -84,24 +100,25 @@ def observe(port, seconds):
     return sensors, sum(cpu) / len(cpu), verdicts
 
 
-def summarise(port, seconds):
+def summarise(port, seconds, rig):
     sensors, cpu, verdicts = observe(port, seconds)
     text = get(port, "/metrics")
     complaints = []
     for name, fps, drop_share, state in sensors:
         print(f"sensor {name:<8} {fps:5.1f} fps, {100 * drop_share:.2f}% dropped, {state}")
-        if fps < FPS_MIN or drop_share >= DROP_SHARE_MAX:
-            complaints.append(f"sensor {name} is below {FPS_MIN:.0f} fps or drops 1% or more")
+        fps_min = RATE_SHARE_MIN * (KINECT_HZ if name.startswith("k") else STEREO_HZ)
+        if fps < fps_min or drop_share >= DROP_SHARE_MAX:
+            complaints.append(f"sensor {name} is below {fps_min:.1f} fps or drops 1% or more")
     bad = sorted({verdict for verdict in verdicts if verdict != "ok"})
     print(f"tracking        {100 * cpu:.1f}% of one core")
     print(f"memory          {metric(text, 'resident_memory_bytes') / 2**20:.1f} MB resident, "
           f"{metric(text, 'allocations_sealed_total'):.0f} allocations in the data path")
     print(f"people          {metric(text, 'people'):.0f} at the end")
     print(f"health          {verdicts.count('ok')} of {len(verdicts)} seconds ok{', else ' if bad else ''}{', '.join(bad)}")
-    if len(sensors) != SENSORS:
-        complaints.append(f"{len(sensors)} sensors instead of {SENSORS}")
-    if not cpu <= CPU_SHARE_MAX:
-        complaints.append(f"tracking takes more than {CPU_SHARE_MAX} of a core")
+    if len(sensors) != SENSORS[rig]:
+        complaints.append(f"{len(sensors)} sensors instead of {SENSORS[rig]}")
+    if not cpu <= CPU_SHARE_MAX[rig]:
+        complaints.append(f"tracking takes more than {CPU_SHARE_MAX[rig]} of a core")
     if verdicts[-1] != "ok":
         health = json.loads(get(port, "/api/v1/health"))
         complaints.append(f"health is {health['verdict']}: {health['sentence']}")
@@ -114,16 +131,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=int, default=0)
     parser.add_argument("--port", type=int, default=8080)
+    parser.add_argument("--rig", choices=("kinects", "all"), default="kinects")
     options = parser.parse_args()
     refuse_taken_port(options.port)
     # Whoever ends the demo ends the daemon, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    daemon = subprocess.Popen([DAEMON, "--config", settings_with_port(options.port)],
+    daemon = subprocess.Popen([DAEMON, "--config", settings_with_port(options.port, options.rig)],
                               stdout=subprocess.DEVNULL)  # its address is told once it answers
     try:
         wait_until_ready(daemon, options.port)
         if options.seconds > 0:
-            return summarise(options.port, options.seconds)
+            return summarise(options.port, options.seconds, options.rig)
         print("Ctrl-C ends it.", flush=True)
         return daemon.wait()
     except KeyboardInterrupt:

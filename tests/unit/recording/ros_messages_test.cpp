@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
+#include <Eigen/Geometry>
 
 #include <rapidcheck/gtest.h>
 #include <algorithm>
@@ -52,6 +53,25 @@ TEST(CameraInfoMessage, ComesBackAsItWas) {
   EXPECT_EQ(back->camera.cy, 239.5);
   EXPECT_EQ(back->camera.distortion, info.camera.distortion);
   EXPECT_EQ(back->baseline, 0.25);
+}
+
+// The images of a pair are recorded as they come: K and D are the lens, R and P the rectification.
+TEST(CameraInfoMessage, TellsHowAnImagerIsRectified) {
+  CameraInfoMessage info;
+  info.camera = {.width = 769, .height = 448, .fx = 520, .fy = 521, .cx = 384, .cy = 224};
+  info.rectified = {.width = 769, .height = 448, .fx = 519, .fy = 519, .cx = 380, .cy = 225};
+  info.R = Eigen::AngleAxisd(0.1, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  info.baseline = 0.08;
+  ByteWriter out;
+  encode_camera_info(info, out);
+  const auto back = decode_camera_info(out.bytes());
+  ASSERT_TRUE(back.has_value());
+  EXPECT_EQ(back->camera.fy, 521);
+  EXPECT_EQ(back->rectified.fx, 519);
+  EXPECT_EQ(back->rectified.cx, 380);
+  EXPECT_EQ(back->rectified.cy, 225);
+  EXPECT_EQ(back->R, info.R);
+  EXPECT_NEAR(back->baseline, 0.08, 1e-15);
 }
 
 TEST(RosMessages, CutAnywhereAreNothing) {

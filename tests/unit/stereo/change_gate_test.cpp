@@ -60,6 +60,18 @@ TEST(ChangeGate, NoiseIsNoChange) {
     EXPECT_TRUE(gate.regions(view(room(seed, 12)), false, {}).empty()) << seed;
 }
 
+// A tunnel's gain makes the noise several times what was stated; a person still is a change.
+TEST(ChangeGate, NoiseIsWhatHalfOfTheImageShows) {
+  ChangeGate gate(kWidth, kHeight);
+  gate.regions(view(room(1, 40)), false, {});
+  for (unsigned seed = 2; seed < 20; ++seed)
+    EXPECT_TRUE(gate.regions(view(room(seed, 40)), false, {}).empty()) << seed;
+  const PixelRect place{120, 60, 170, 150};
+  Pixels with = room(30, 40);
+  put_person(with, place, 500);
+  EXPECT_TRUE(covers(gate.regions(view(with), false, {}), place));
+}
+
 TEST(ChangeGate, TheBrightnessOfTheWholeImageIsNoChange) {
   ChangeGate gate(kWidth, kHeight);
   gate.regions(view(room(1, 12)), false, {});

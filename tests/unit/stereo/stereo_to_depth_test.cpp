@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "support/allocation_counter.h"
@@ -228,6 +229,50 @@ INSTANTIATE_TEST_SUITE_P(Modes, StereoToDepthTest,
                          [](const auto& mode_info) {
                            return mode_info.param == MatcherMode::kFast ? "fast" : "accurate";
                          });
+
+// Odd sizes, with and without tables, 8 and 12 bits: nothing is read or written out of range (under
+// the address sanitizer), and rectified images need no tables.
+class OddSizes : public testing::TestWithParam<int> {};
+
+TEST_P(OddSizes, AreConverted) {
+  std::mt19937 random(static_cast<unsigned>(GetParam()));
+  const auto between = [&](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(random);
+  };
+  const int width = between(9, 131), height = between(7, 97);
+  const Camera camera{width, height, 1.3 * width, 1.3 * width, width / 2.0, height / 2.0, {}};
+  StereoRectification rectification;
+  rectification.camera = camera;
+  rectification.baseline = 0.1;
+  if (between(0, 1) == 1)
+    rectification = *make_rectification(
+        camera, camera, {Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.1, 0.001, 0)});
+  StereoToDepthOptions options;
+  options.matcher.disparity_count = 32;
+  options.aligned_every_s = 0.05;
+  const auto workspace = StereoWorkspace::create(width, height, options.matcher);
+  ASSERT_TRUE(workspace);
+  StereoToDepth stereo(std::move(rectification), **workspace, options);
+  FrameSlot slot;
+  slot.format = between(0, 1) == 1 ? PixelFormat::kGray8 : PixelFormat::kGray16;
+  slot.width = width;
+  slot.height = height;
+  std::vector<std::byte> bytes(2 * slot.image_bytes());
+  slot.bytes = bytes;
+  for (int frame = 0; frame < 4; ++frame) {
+    for (std::byte& byte : bytes) byte = static_cast<std::byte>(between(0, 15));
+    if (slot.format == PixelFormat::kGray8)
+      for (std::byte& byte : bytes) byte = static_cast<std::byte>(between(40, 200));
+    slot.instant = HostTime(from_seconds(0.1 * frame));
+    const PixelRect feedback{between(0, width), between(0, height), width, height};
+    const DepthImage depth = stereo.convert(slot, frame == 2, {&feedback, 1});
+    ASSERT_NE(depth.pixels, nullptr);
+    EXPECT_EQ(depth.width, width);
+    EXPECT_EQ(depth.height, height);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, OddSizes, testing::Range(0, 40));
 
 }  // namespace
 }  // namespace wagonsight
