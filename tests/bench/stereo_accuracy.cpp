@@ -228,7 +228,8 @@ int main(int argc, char** argv) {
       "columns: bad pixels at density 0.80 0.85 0.90 0.93 0.95 0.97, the best of each mode's "
       "settings; rms of good pixels and time at uniqueness 10\n");
   std::size_t count = 0;
-  for (const auto& pairs : {cone_pairs(cone), aloe_pairs(aloe)})
+  for (const auto& pairs :
+       {cone_pairs(cone), aloe_pairs(aloe), simulated_pairs(WAGONSIGHT_SOURCE_DIR "/config")})
     for (const auto& pair : pairs) compare(pair, curves), ++count;
   if (count == 0) {
     std::fprintf(stderr, "no pair with truth was found in %s and %s; give --cone or --aloe\n",

@@ -20,6 +20,9 @@ struct TruthPair {
 std::vector<TruthPair> cone_pairs(const std::string& folder);
 // The aloe pair of OpenCV's samples at a half and a quarter of its size. Empty when absent.
 std::vector<TruthPair> aloe_pairs(const std::string& folder);
+// One stereo camera's pairs of the simulated wagon with passengers, by day and in a tunnel, from
+// config/. Empty when absent.
+std::vector<TruthPair> simulated_pairs(const std::string& config_folder);
 // A room of textured boards at several depths, drawn from a seed; for speed at any size.
 TruthPair generated_pair(int width, int height, int disparities);
 

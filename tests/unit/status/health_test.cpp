@@ -56,6 +56,22 @@ TEST_P(HealthFault, IsFoundAndExplained) {
 }
 
 const Broken kBroken[] = {
+    {"StereoMisaligned",
+     [](Snapshot& s, UnitInfo&) {
+       s.sensors[1].stereo.present = s.sensors[1].stereo.misaligned = true;
+       s.sensors[1].stereo.row_offset_px = -1.8;
+     },
+     {"stereo_misaligned k1"},
+     Verdict::kDegraded,
+     true},
+    {"StereoUnusable",
+     [](Snapshot& s, UnitInfo&) {
+       s.sensors[0].stereo.present = true;
+       s.sensors[0].stereo.unusable_s = 12;
+     },
+     {"stereo_unusable k0"},
+     Verdict::kDegraded,
+     true},
     {"OneSensorLost",
      [](Snapshot& s, UnitInfo&) { s.sensors[1].state = SensorState::kLost; },
      {"sensor_lost k1"},
