@@ -12,10 +12,12 @@
 #include "linux/stop_signals.h"
 #include "linux/threads.h"
 #include "publisher.h"
+#include "safe_mode.h"
 #include "shared_block.h"
 #include "tracking.h"
 #include "unit.h"
 #include "version.h"
+#include "vigil.h"
 #include "web_supervisor.h"
 
 namespace wagonsight {
@@ -27,6 +29,11 @@ constexpr Duration kSourceDelay = std::chrono::milliseconds(1500);
 // A frame waits at most a period and a half and 60 ms for those of its instant: four; one set is
 // worked on and one frame arrives.
 constexpr std::size_t kSlotsPerSensor = 6;
+
+// The tracking turns every few milliseconds; its first instant, which learns the background, takes
+// a second on a slow computer. A driver may wait long for a device that is being plugged in.
+constexpr double kTrackingSilenceMaxS = 8.0;
+constexpr double kDriverSilenceMaxS = 30.0;
 
 // What the daemon consists of once it runs; made in this order, taken down in the reverse one.
 class Daemon {
@@ -70,15 +77,33 @@ class Daemon {
       log_.say(Severity::kError, started.error().message);
   }
 
-  void run_until(const StopSignals& signals) {
+  void run_until(const StopSignals& signals, Vigil& vigil) {
+    watch_stages(vigil);
+    vigil.ready("watching the wagon");
     while (!signals.wait(kPublishPeriod)) {
       publisher_.publish(tracking_, sources_, pool_, web_.restarts());
       web_.tick(seconds());
+      const WallTime wall = wall_now();
+      vigil.tick(seconds(), wall.synchronised ? wall.unix_s : 0,
+                 [this](std::string_view text) { log_.say(Severity::kError, text); });
     }
     log_.say(Severity::kNote, "Told to stop.");
   }
 
  private:
+  void watch_stages(Vigil& vigil) {
+    vigil.watch(
+        "The tracking", kTrackingSilenceMaxS, [this] { return tracking_.turns(); }, seconds());
+    for (const auto& source : sources_)
+      vigil.watch(
+          fmt::format("The driver of {}", source->name()), kDriverSilenceMaxS,
+          [&thread = *source]() -> std::optional<std::uint64_t> {
+            if (thread.ended()) return std::nullopt;
+            return thread.turns();
+          },
+          seconds());
+  }
+
   static double seconds() { return to_seconds(host_now().time_since_epoch()); }
 
   std::unique_ptr<Unit> unit_;
@@ -101,8 +126,9 @@ std::string address_text(const std::string& host, std::uint16_t port) {
 
 }  // namespace
 
-Result<void> run_daemon(const DaemonOptions& options) {
-  const StopSignals signals;  // before any thread
+namespace {
+
+Result<void> run_unit(const DaemonOptions& options, const StopSignals& signals, Vigil& vigil) {
   const HostTime start = host_now();
   auto unit = assemble_unit(options.config, options.rig, start + kSourceDelay);
   if (!unit) return tl::unexpected(unit.error());
@@ -113,6 +139,7 @@ Result<void> run_daemon(const DaemonOptions& options) {
   const auto listening = listen_on(host, options.port.value_or(web.port));
   if (!listening) return tl::unexpected(listening.error());
   const auto info = std::make_unique<UnitInfo>(unit_info(**unit, kVersionText));
+  info->last_crash = last_crash(vigil.previous());
   auto shared = SharedBlockWriter::create(*info);
   if (!shared) return tl::unexpected(shared.error());
 
@@ -120,8 +147,23 @@ Result<void> run_daemon(const DaemonOptions& options) {
   daemon.start();
   fmt::print("{}\n", address_text(host, listening->port));
   std::fflush(stdout);
-  daemon.run_until(signals);
+  daemon.run_until(signals, vigil);
   return {};
+}
+
+}  // namespace
+
+Result<void> run_daemon(const DaemonOptions& options) {
+  const StopSignals signals;  // before any thread
+  Vigil vigil(options.state_folder);
+  if (!vigil.remark().empty()) fmt::print(stderr, "wagonsightd: {}\n", vigil.remark());
+  const auto done = vigil.is_crash_loop() ? run_safe_mode(options, signals, vigil)
+                                          : run_unit(options, signals, vigil);
+  if (done)
+    vigil.ended();
+  else
+    vigil.failed(done.error().message);
+  return done;
 }
 
 }  // namespace wagonsight

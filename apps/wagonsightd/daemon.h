@@ -12,6 +12,9 @@ struct DaemonOptions {
   std::string config;                 // the settings file
   std::string rig;                    // a calibration blob instead of the settings'; empty: none
   std::optional<std::uint16_t> port;  // instead of the settings'
+  // Where a record of each run is kept, for the next one; cleared when the machine starts. Empty:
+  // none.
+  std::string state_folder;
 };
 
 // Runs the unit until SIGTERM, SIGINT or SIGHUP. The Error says what kept it from starting.

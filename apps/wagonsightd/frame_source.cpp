@@ -62,6 +62,7 @@ void SourceThread::run() {
   bool going_on = true;
   while (going_on && !stop_.load(std::memory_order_acquire)) {
     going_on = source_.sensor->poll(kPollTimeout, pool_, ring_);
+    turns_.fetch_add(1, std::memory_order_relaxed);
     tell_counters();
     if (ring_.size() > 0) bell_.ring();
   }

@@ -52,6 +52,8 @@ class SourceThread {
   void stop();
 
   std::string_view name() const { return source_.sensor->name(); }
+  // Rises while the thread is not stuck in its sensor.
+  std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
   bool ended() const { return ended_.load(std::memory_order_acquire); }
   const std::array<std::uint8_t, kSensorsMax>& rig_index() const { return source_.rig_index; }
 
@@ -76,6 +78,7 @@ class SourceThread {
   FrameBell& bell_;
   SpscRing<FrameSlot*> ring_;
   std::atomic<bool> stop_{false}, ended_{false};
+  std::atomic<std::uint64_t> turns_{0};
   std::atomic<std::uint64_t> frames_{0}, dropped_{0}, damaged_{0}, resets_{0};
   std::thread thread_;
 };

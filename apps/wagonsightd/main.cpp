@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 
@@ -38,6 +39,12 @@ int run(int argc, char** argv) {
   app.add_option("--config", options.config, "the settings (TOML)")->required();
   app.add_option("--rig", options.rig, "a calibration blob instead of the settings'");
   const auto* own_port = app.add_option("--port", port, "instead of the settings'; 0: a free one");
+  // systemd names its RuntimeDirectory= so.
+  if (const char* folder = std::getenv("RUNTIME_DIRECTORY")) options.state_folder = folder;
+  app.add_option(
+      "--state", options.state_folder,
+      "a folder that a restart of the machine clears (/run/...): there a crash is noted, "
+      "so that the next run tells it");
   app.add_flag("--check-config", check_only, "only check the settings, and list every mistake");
   app.failure_message([](const CLI::App*, const CLI::Error& error) {
     return fmt::format("wagonsightd: {}; see wagonsightd --help\n", error.what());

@@ -74,6 +74,7 @@ void Tracking::run() {
 }
 
 void Tracking::take_frames() {
+  turns_.fetch_add(1, std::memory_order_relaxed);
   for (SourceThread* source : sources_) {
     while (FrameSlot* slot = source->take()) {
       TrackedSensor& sensor = now_->sensors[slot->sensor_index];

@@ -57,6 +57,8 @@ class Tracking {
   // Any one other thread. False until the first instant.
   bool report(TrackingReport& report) const { return shared_->load(report); }
   std::uint64_t report_count() const { return shared_->version(); }
+  // Rises many times a second while the thread is not stuck, with or without frames.
+  std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
 
  private:
   void run();
@@ -78,6 +80,7 @@ class Tracking {
   std::unique_ptr<TrackingReport> now_;
   std::unique_ptr<Seqlock<TrackingReport>> shared_;
   std::atomic<bool> stop_{false};
+  std::atomic<std::uint64_t> turns_{0};
   std::thread thread_;
 };
 

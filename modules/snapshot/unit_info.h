@@ -50,10 +50,21 @@ struct Plan {
   FixedVector<PlanSensor, kSensorsMax> sensors;
 };
 
+// How the daemon's run before this one ended, when it did not end as it should.
+struct LastCrash {
+  bool present = false;
+  double before_start_s = 0;  // from the last sign of life of that run to the start of this one
+  double unix_time = 0;       // of that sign; 0: unsynchronised
+  std::uint32_t recent = 0;   // crashes within three minutes, this one included
+  FixedString<200> reason;
+};
+
 struct UnitInfo {
-  Name name;                         // of the unit or its wagon, as the settings say
-  FixedString<80> version;           // of the program
-  bool simulated = false;            // the frames come from the simulator
+  Name name;                // of the unit or its wagon, as the settings say
+  FixedString<80> version;  // of the program
+  bool simulated = false;   // the frames come from the simulator
+  bool safe_mode = false;   // it crashed too often, and only tells how it is
+  LastCrash last_crash;
   double started_unix = 0;           // 0: the clock was not synchronised then
   std::uint64_t resident_limit = 0;  // bytes the daemon is meant to stay below; 0: none stated
   Plan plan;

@@ -212,6 +212,22 @@ void judge_freshness(Assessment& out, const StatusInput& input, const HealthLimi
   out.check("daemon", fresh, fresh ? "publishes" : "silent");
 }
 
+void judge_last_crash(Assessment& out, const Snapshot& snapshot, const UnitInfo& unit) {
+  const LastCrash& crash = unit.last_crash;
+  if (unit.safe_mode) {
+    out.fault("safe_mode", "", Verdict::kFailed,
+              fmt::format("The daemon crashed {} times within three minutes, the last time: {}; it "
+                          "does not watch the wagon now and only says so.",
+                          crash.recent, crash.reason.view()),
+              "Fetch the diagnostics and report this; it tries again by itself in a few minutes.");
+  } else if (crash.present) {
+    out.fault("restarted", "", Verdict::kOk,
+              fmt::format("The daemon was started again {} ago after a crash: {}.",
+                          duration_text(crash.before_start_s + snapshot.time), crash.reason.view()),
+              "Fetch the diagnostics and report this; the unit works again.");
+  }
+}
+
 std::string plain_words(const Health& health, const StatusInput& input) {
   if (health.verdict != Verdict::kOk) return health.faults.front().cause;
   const Snapshot& snapshot = *input.snapshot;
@@ -240,7 +256,8 @@ Health assess(const StatusInput& input, const HealthLimits& limits) {
   Health health;
   Assessment out(health);
   judge_freshness(out, input, limits);
-  if (input.snapshot != nullptr) {
+  if (input.snapshot != nullptr) judge_last_crash(out, *input.snapshot, *input.unit);
+  if (input.snapshot != nullptr && !input.unit->safe_mode) {
     judge_sensors(out, *input.snapshot, limits);
     judge_pipeline(out, *input.snapshot, limits);
     judge_calibration(out, *input.snapshot);

@@ -26,6 +26,14 @@ void expect_sentences(const Health& health) {
   }
 }
 
+TEST(Health, TellsWhenAndWhyItCrashed) {
+  const SampleStatus sample;  // has run for a hundred seconds
+  sample.unit->last_crash = {true, 2, 0, 1, "a bad memory access (SIGSEGV)"};
+  const Health health = assess(sample.input());
+  EXPECT_EQ(health.faults.front().cause,
+            "The daemon was started again 102 s ago after a crash: a bad memory access (SIGSEGV).");
+}
+
 TEST(Health, SaysThatAllIsWell) {
   const SampleStatus sample;
   const Health health = assess(sample.input());
@@ -119,6 +127,26 @@ const Broken kBroken[] = {
      {"sensor_hot k0"},
      Verdict::kDegraded,
      true},
+    {"RestartedAfterACrash",
+     [](Snapshot&, UnitInfo& unit) {
+       unit.last_crash.present = true;
+       unit.last_crash.before_start_s = 2;
+       unit.last_crash.reason = "a bad memory access (SIGSEGV)";
+     },
+     {"restarted"},
+     Verdict::kOk,
+     true},
+    {"SafeModeSpeaksOfNothingElse",
+     [](Snapshot& s, UnitInfo& unit) {
+       s.sensors.clear();
+       unit.safe_mode = true;
+       unit.last_crash.present = true;
+       unit.last_crash.recent = 4;
+       unit.last_crash.reason = "a bad memory access (SIGSEGV)";
+     },
+     {"safe_mode"},
+     Verdict::kFailed,
+     false},
     {"PipelineLate",
      [](Snapshot& s, UnitInfo&) { s.frame.time = 90; },
      {"pipeline_late"},
