@@ -41,7 +41,8 @@ constinit std::atomic<std::atomic<std::int32_t>*> fatal_signal{nullptr};
 
 void on_fatal_signal(int signal) {
   if (auto* place = fatal_signal.load()) place->store(signal);
-  // SA_RESETHAND: what comes next is the signal's own ending.
+  // What comes next is the signal's own ending.
+  std::signal(signal, SIG_DFL);
   raise(signal);
 }
 
@@ -147,7 +148,7 @@ void RunRecord::note_fatal_signals() {
   fatal_signal.store(&page_->signal);
   struct sigaction action {};
   action.sa_handler = on_fatal_signal;
-  action.sa_flags = static_cast<int>(SA_RESETHAND) | SA_NODEFER;
+  action.sa_flags = SA_NODEFER;
   for (const int signal : kFatal) sigaction(signal, &action, nullptr);
 }
 
