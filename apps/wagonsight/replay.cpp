@@ -49,6 +49,7 @@ class Replay {
   Result<void> write_cloud(std::uint64_t index);
   void wait_for(HostTime instant);
   static HostTime newest_instant(const FrameSet& set);
+  void note_latency(const FrameSet& set, Duration took);
   void note_stereo(const FrameSet& set);
   tl::unexpected<Error> in_recording(const Error& error) const {
     const bool is_damage = recording_.reader->cursor().damaged_chunks() > 0;
@@ -65,6 +66,7 @@ class Replay {
   std::vector<CloudPoint> cloud_;
   std::optional<std::chrono::steady_clock::time_point> real_start_;
   HostTime first_instant_{}, last_instant_{};
+  HostTime free_at_{};  // when the pipeline has answered all instants so far, as the daemon's would
   std::uint64_t set_count_ = 0;
 };
 
@@ -105,6 +107,14 @@ HostTime Replay::newest_instant(const FrameSet& set) {
   return newest;
 }
 
+// The daemon's frames are there when they were taken; here they are read from a file by the same
+// thread, which is not counted. An instant waits for the ones before it.
+void Replay::note_latency(const FrameSet& set, Duration took) {
+  const HostTime there = newest_instant(set);
+  free_at_ = std::max(free_at_, there) + took;
+  timings_.add_latency(free_at_ - there);
+}
+
 void Replay::note_stereo(const FrameSet& set) {
   for (std::size_t i = 0; i < setup_.rig.sensors.size(); ++i)
     if (const StereoReport* report = pipeline_->stereo_report(i);
@@ -133,16 +143,15 @@ Result<void> Replay::process_all(OutputFile& out) {
     last_instant_ = set.instant;
     if (options_.realtime) wait_for(newest_instant(set));
     const Duration before = StageTimings::thread_time();
+    const auto began = std::chrono::steady_clock::now();
     const PeopleFrame& frame = pipeline_->process(set);
+    if (options_.realtime) note_latency(set, std::chrono::steady_clock::now() - began);
     timings_.add(pipeline_->last_stage_times(), StageTimings::thread_time() - before);
     note_stereo(set);
     line.clear();
     append_people_line(frame, true, line);
     line += '\n';
     if (auto done = out.write(std::string_view(line)); !done) return done;
-    if (options_.realtime)
-      timings_.add_latency(std::chrono::steady_clock::now() -
-                           (*real_start_ + (newest_instant(set) - first_instant_)));
     if (!options_.clouds.empty())
       if (auto done = write_cloud(set_count_); !done) return done;
     progress.update(++set_count_);

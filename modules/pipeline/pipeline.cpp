@@ -93,7 +93,7 @@ void Pipeline::State::to_depth(const FrameSet& frames) {
   depth = frames;
   for (std::size_t i = 0; i < rig.sensors.size(); ++i)
     if (lanes[i].stereo != nullptr)
-      depth.sensors[i] = matched(i, frames.sensors[i], lanes[i].extractor->learning());
+      depth.sensors[i] = matched(i, frames.sensors[i], learns_from(i, frames.sensors[i]));
   finish_stage(Stage::kToDepth);
 }
 

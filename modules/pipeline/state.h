@@ -16,6 +16,7 @@ namespace wagonsight {
 struct SensorLane {
   std::unique_ptr<StereoToDepth> stereo;  // of a stereo camera only
   FrameSlot depth_slot;                   // its depth in the form of a depth sensor's frame
+  HostTime learned_at{};                  // when its whole image was matched for the background
   std::unique_ptr<ForegroundExtractor> extractor;
   std::unique_ptr<Foreground> foreground;
 };
@@ -34,6 +35,7 @@ struct Pipeline::State {
 
   Result<void> add_stereo(std::size_t sensor_index, RayTable rays, const Wagon& wagon);
   SensorFrame matched(std::size_t sensor_index, const SensorFrame& frame, bool whole);
+  bool learns_from(std::size_t sensor_index, const SensorFrame& pair);
   void gather_regions(std::size_t sensor_index);
   void gather_motion_hints();
   void tell_people();

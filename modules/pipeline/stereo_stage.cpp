@@ -45,6 +45,16 @@ SensorFrame Pipeline::State::matched(std::size_t sensor_index, const SensorFrame
   return {FrameState::kPresent, &lane.depth_slot, pair.skew};
 }
 
+// The background takes one vote a quarter of a second, so that no more whole images are needed.
+bool Pipeline::State::learns_from(std::size_t sensor_index, const SensorFrame& pair) {
+  constexpr double kVote_s = 0.2;
+  SensorLane& lane = lanes[sensor_index];
+  if (pair.slot == nullptr || !lane.extractor->learning()) return false;
+  if (to_seconds(pair.slot->instant - lane.learned_at) < kVote_s) return false;
+  lane.learned_at = pair.slot->instant;
+  return true;
+}
+
 // Feedback is the last FrameSet's data and nothing else.
 void Pipeline::State::gather_regions(std::size_t sensor_index) {
   regions.clear();

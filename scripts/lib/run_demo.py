@@ -21,7 +21,7 @@ READY_WITHIN_S = 120  # a slow machine compiles nothing here, but it renders and
 DROP_SHARE_MAX, RATE_SHARE_MIN = 0.01, 29 / 30
 SENSORS, CPU_SHARE_MAX = {"kinects": 4, "all": 10}, {"kinects": 0.5, "all": 1.0}
 KINECT_HZ = 30
-STEREO_HZ = 5  # the cameras give 14; more cannot be rendered on two cores beside the tracking (see modules/simulate)
+STEREO_HZ = 3  # the cameras give 14; more cannot be rendered on two cores beside the tracking (see modules/simulate)
 
 
 def get(port, path):
