@@ -24,13 +24,13 @@ struct DetectArguments {
 Result<void> run_detect(const DetectArguments& arguments);
 
 struct SolveArguments {
-  std::string observations, sensors, out;
+  std::string observations, sensors, out, images;
   bool keep_all = false;
 };
 Result<void> run_solve(const SolveArguments& arguments);
 
 struct GeoreferenceArguments {
-  std::string solution, targets, out;
+  std::string solution, targets, markers, out;
 };
 Result<void> run_georeference(const GeoreferenceArguments& arguments);
 

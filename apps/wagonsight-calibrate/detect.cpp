@@ -4,12 +4,12 @@
 #include <unistd.h>
 #include <algorithm>
 #include <filesystem>
-#include <opencv2/calib3d.hpp>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "calibrate/board_file.h"
+#include "calibrate/detect_board.h"
 #include "calibrate/observations.h"
 #include "commands.h"
 #include "linux/files.h"
@@ -37,36 +37,58 @@ bool is_image(const fs::path& path) {
   return kEndings.contains(ending);
 }
 
-// The corners of a whole board in row order, or why there are none.
-Result<std::vector<Corner>> detect_board(const cv::Mat& gray, const Board& board) {
-  const cv::Size size(board.columns, board.rows);
-  std::vector<cv::Point2f> found;
-  const int flags = cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY | cv::CALIB_CB_NORMALIZE_IMAGE;
-  if (!cv::findChessboardCornersSB(gray, size, found, flags)) {
-    // The older detector finds boards at flatter angles; its corners are refined at the saddle.
-    if (!cv::findChessboardCorners(gray, size, found,
-                                   cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
-      return fail("no whole board was found; click its corners");
-    double nearest = 1e9;
-    for (std::size_t i = 1; i < found.size(); ++i)
-      if (i % static_cast<std::size_t>(board.columns) != 0)
-        nearest = std::min(nearest, cv::norm(found[i] - found[i - 1]));
-    const int half = std::clamp(static_cast<int>(nearest / 3), 2, 8);
-    cv::cornerSubPix(gray, found, {half, half}, {-1, -1},
-                     {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 60, 1e-3});
-  }
-  std::vector<Corner> corners;
-  for (std::size_t i = 0; i < found.size(); ++i)
-    corners.push_back({static_cast<int>(i), {found[i].x, found[i].y}});
-  return corners;
+// Depth images of a sensor lie beside its folder, in NAME.depth; solve reads them.
+bool is_depth_folder(const fs::path& folder) {
+  return folder.extension() == ".depth";
 }
 
-// The board looks the same turned by 180 degrees when rows and columns differ in parity by one or
-// not at all; corner 0 is then taken as the one nearer to the image's top left, for every view.
-void settle_orientation(std::vector<Corner>& corners, const Board& board) {
-  const Eigen::Vector2d first = corners.front().pixel, last = corners.back().pixel;
-  if (first.sum() <= last.sum()) return;
-  for (Corner& corner : corners) corner.id = board.corner_count() - 1 - corner.id;
+// What detect says of each image that gave no view, and of what it took.
+class Teller {
+ public:
+  explicit Teller(std::size_t files) : files_(files), progress_(isatty(STDERR_FILENO) == 1) {}
+  ~Teller() {
+    if (progress_) fmt::print(stderr, "\n");
+  }
+  void next() {
+    ++tried_;
+    if (progress_) fmt::print(stderr, "\r{} of {} images, {} boards", tried_, files_, found);
+  }
+  static void reject(const std::string& name, std::string_view why) {
+    fmt::print("{}: rejected: {}\n", name, why);
+  }
+  std::size_t found = 0, whole = 0, unplaced = 0;
+  std::size_t tried() const { return tried_; }
+
+ private:
+  std::size_t files_, tried_ = 0;
+  bool progress_;
+};
+
+// One image to one view; a rejected one is told.
+void detect_file(const fs::path& file, const Board& board, std::map<std::string, cv::Size>& sizes,
+                 Observations& observations, Teller& teller) {
+  const std::string sensor = file.parent_path().filename().string();
+  const std::string name = sensor + "/" + file.filename().string();
+  teller.next();
+  const cv::Mat gray = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+  if (gray.empty()) return Teller::reject(name, "this is not an image that can be read");
+  const auto [size, is_first] = sizes.try_emplace(sensor, gray.size());
+  if (!is_first && size->second != gray.size())
+    return Teller::reject(
+        name, fmt::format("it is {} x {}, but the sensor's first image is {} x {}", gray.cols,
+                          gray.rows, size->second.width, size->second.height));
+  auto detected = detect_board({gray.data, gray.cols, gray.rows}, board);
+  if (!detected) return Teller::reject(name, detected.error().message);
+  ++teller.found;
+  if (detected->whole) ++teller.whole;
+  if (!detected->placed) {
+    ++teller.unplaced;
+    fmt::print("{}: {}\n", name, detected->why_not_placed);
+  } else if (!detected->whole) {
+    fmt::print("{}: {} of {} corners\n", name, detected->corners.size(), board.corner_count());
+  }
+  observations.views.push_back(
+      {sensor, name, file.stem().string(), std::move(detected->corners), detected->placed});
 }
 
 }  // namespace
@@ -83,33 +105,17 @@ Result<void> run_detect(const DetectArguments& arguments) {
         arguments.images));
   Observations observations;
   observations.board = *board;
-  std::size_t tried = 0, done = 0;
   std::vector<fs::path> files;
   for (const fs::path& folder : folders)
     for (const fs::path& file : sorted_entries(folder, false))
-      if (is_image(file)) files.push_back(file);
-  const bool progress = isatty(STDERR_FILENO) == 1;
-  for (const fs::path& file : files) {
-    const std::string sensor = file.parent_path().filename().string();
-    const std::string name = sensor + "/" + file.filename().string();
-    ++tried;
-    if (progress) fmt::print(stderr, "\r{} of {} images, {} boards", tried, files.size(), done);
-    const cv::Mat gray = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
-    if (gray.empty()) {
-      fmt::print("{}: rejected: this is not an image that can be read\n", name);
-      continue;
-    }
-    auto corners = detect_board(gray, *board);
-    if (!corners) {
-      fmt::print("{}: rejected: {}\n", name, corners.error().message);
-      continue;
-    }
-    settle_orientation(*corners, *board);
-    observations.views.push_back({sensor, name, file.stem().string(), std::move(*corners)});
-    ++done;
+      if (!is_depth_folder(folder) && is_image(file)) files.push_back(file);
+  {
+    Teller teller(files.size());
+    std::map<std::string, cv::Size> sizes;
+    for (const fs::path& file : files) detect_file(file, *board, sizes, observations, teller);
+    fmt::print("{} of {} images show the board, {} the whole of it, {} a part without its place\n",
+               teller.found, teller.tried(), teller.whole, teller.unplaced);
   }
-  if (progress) fmt::print(stderr, "\n");
-  fmt::print("{} of {} images show a whole board\n", done, tried);
   if (observations.views.empty())
     return fail(fmt::format("{}: no image shows the {} x {} board", arguments.images, board->rows,
                             board->columns));

@@ -34,6 +34,8 @@ int main(int argc, char** argv) {
   solve_command->add_option("--sensors", solve.sensors, "SENSORS.toml")->required();
   solve_command->add_option("--out", solve.out, "SOLUTION.json")->required();
 
+  solve_command->add_option("--images", solve.images,
+                            "the images' folder: its NAME.depth hold the Kinects' depth images");
   solve_command->add_flag("--keep-all", solve.keep_all,
                           "leave no corner out, however badly it fits");
 
@@ -43,6 +45,9 @@ int main(int argc, char** argv) {
   georeference_command->add_option("--solution", georeference.solution, "SOLUTION.json")
       ->required();
   georeference_command->add_option("--targets", georeference.targets, "TARGETS.json")->required();
+  georeference_command->add_option(
+      "--markers", georeference.markers,
+      "the tracker's file (DTrack text or JSON) for targets without \"world\"");
   georeference_command->add_option("--out", georeference.out, "SOLUTION.json")->required();
 
   PackArguments pack;

@@ -1,11 +1,13 @@
 #include <fmt/format.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "calibrate/georeference.h"
 #include "calibrate/pack.h"
 #include "calibrate/solve.h"
 #include "commands.h"
+#include "depth_images.h"
 #include "geometry/angles.h"
 #include "linux/files.h"
 #include "rig/blob.h"
@@ -27,6 +29,30 @@ void print_imagers(const Solution& solution) {
   }
 }
 
+void print_depth(const Solution& solution) {
+  for (const ImagerSolution& imager : solution.imagers) {
+    if (!imager.depth) continue;
+    const DepthCalibration& depth = *imager.depth;
+    const auto sigma = [&](int k) { return std::sqrt(depth.covariance(k, k)); };
+    fmt::print(
+        "{}: depth = {:.4f} +- {:.4f} x reading {:+.1f} +- {:.1f} mm, {:.1f} mm off the "
+        "boards of {} images; ",
+        imager.name, depth.scale, sigma(6), depth.offset_m * 1e3, sigma(7) * 1e3, depth.rms_m * 1e3,
+        depth.views);
+    if (depth.from_infrared)
+      fmt::print("offset to infrared {:.2f}, {:.2f} +- {:.2f}, {:.2f} px\n", depth.pixel_offset.x(),
+                 depth.pixel_offset.y(), sigma(8), sigma(9));
+    else
+      fmt::print("in the colour camera at {:.1f}, {:.1f}, {:.1f} +- {:.1f}, {:.1f}, {:.1f} mm\n",
+                 depth.X_CS.position.x() * 1e3, depth.X_CS.position.y() * 1e3,
+                 depth.X_CS.position.z() * 1e3, sigma(3) * 1e3, sigma(4) * 1e3, sigma(5) * 1e3);
+  }
+  if (solution.scale_check)
+    fmt::print("the depth says that a square is {:.2f} +- {:.2f} mm, stated are {:.2f} mm\n",
+               solution.scale_check->square_m * 1e3, solution.scale_check->sigma_m * 1e3,
+               solution.board.square_m * 1e3);
+}
+
 Result<Solution> read_solution(const std::string& path) {
   const auto text = read_file(path, kFileBytesMax);
   if (!text) return fail(text.error().message);
@@ -46,9 +72,15 @@ Result<void> run_solve(const SolveArguments& arguments) {
   if (!sensors) return fail(sensors.error().message);
   SolveOptions options;
   if (arguments.keep_all) options.reject_sigmas = 0;
-  const auto solution = solve(*observations, *sensors, options);
+  auto solution = solve(*observations, *sensors, options);
   if (!solution) return fail(solution.error().message);
+  if (!arguments.images.empty()) {
+    const auto depth = read_depth_images(arguments.images, *sensors, *solution);
+    if (!depth) return fail(depth.error().message);
+    if (auto done = calibrate_depth(*depth, *sensors, *solution); !done) return done;
+  }
   print_imagers(*solution);
+  print_depth(*solution);
   for (const std::string& remark : solution->remarks) fmt::print("{}\n", remark);
   return write_file_durably(arguments.out, bytes_of(format_solution(*solution)));
 }
@@ -58,8 +90,15 @@ Result<void> run_georeference(const GeoreferenceArguments& arguments) {
   if (!solution) return fail(solution.error().message);
   const auto text = read_file(arguments.targets, kFileBytesMax);
   if (!text) return fail(text.error().message);
-  const auto targets = parse_targets(*text, arguments.targets);
+  auto targets = parse_targets(*text, arguments.targets);
   if (!targets) return fail(targets.error().message);
+  if (!arguments.markers.empty()) {
+    const auto tracked = read_file(arguments.markers, kFileBytesMax);
+    if (!tracked) return fail(tracked.error().message);
+    const auto markers = parse_markers(*tracked, arguments.markers);
+    if (!markers) return fail(markers.error().message);
+    if (auto taken = take_markers(*markers, *targets); !taken) return taken;
+  }
   if (auto done = georeference(*targets, *solution); !done) return done;
   const Georeferenced& geo = *solution->georeference;
   const OmegaPhiKappa angles = to_omega_phi_kappa(geo.X_WB.rotation);

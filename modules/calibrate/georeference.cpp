@@ -17,10 +17,11 @@ namespace {
 using Json = nlohmann::json;
 using calibration::skew;
 
-const ImagerSolution* find_imager(const Solution& solution, const std::string& name) {
-  for (const ImagerSolution& imager : solution.imagers)
-    if (imager.name == name) return &imager;
-  return nullptr;
+// Index of an imager, or -1.
+int find_imager(const Solution& solution, const std::string& name) {
+  for (std::size_t i = 0; i < solution.imagers.size(); ++i)
+    if (solution.imagers[i].name == name) return static_cast<int>(i);
+  return -1;
 }
 
 Result<Eigen::VectorXd> parse_numbers(const Json& json, std::size_t count,
@@ -43,12 +44,26 @@ Result<Target> parse_target(const Json& json, std::size_t index, std::string_vie
   Target target;
   target.id = json["id"].get<std::string>();
   where += fmt::format(" ({})", target.id);
-  auto world = parse_numbers(json.value("world", Json()), 3, where + ": \"world\"");
-  if (!world) return fail(world.error().message);
-  target.world = *world;
+  if (json.contains("world")) {
+    auto world = parse_numbers(json["world"], 3, where + ": \"world\"");
+    if (!world) return fail(world.error().message);
+    target.world = Eigen::Vector3d(*world);
+  }
+  if (json.contains("marker") && json["marker"].is_string())
+    target.marker = json["marker"].get<std::string>();
   for (const Json& item : json.value("seen", Json::array())) {
     if (!item.is_object() || !item.contains("sensor") || !item["sensor"].is_string())
       return fail(where + ": a sighting needs a \"sensor\"");
+    if (item.contains("center")) {
+      auto centre = parse_numbers(item["center"], 3, where + ": a sphere's \"center\"");
+      if (!centre) return fail(centre.error().message);
+      auto sigma = parse_numbers(Json::array({item.value("sigma_m", Json(0.003))}), 1,
+                                 where + ": a sphere's \"sigma_m\"");
+      if (!sigma) return fail(sigma.error().message);
+      if (!((*sigma)[0] > 0)) return fail(where + ": a sphere's \"sigma_m\" must be above zero");
+      target.spheres.push_back({item["sensor"].get<std::string>(), *centre, (*sigma)[0]});
+      continue;
+    }
     auto pixel = parse_numbers(Json::array({item.value("x", Json()), item.value("y", Json())}), 2,
                                where + ": a sighting's x and y");
     if (!pixel) return fail(pixel.error().message);
@@ -95,71 +110,235 @@ Result<std::vector<Target>> parse_targets(std::string_view text, std::string_vie
   return targets;
 }
 
-Result<Triangulated> triangulate(const Solution& solution, const Target& target) {
-  struct Ray {
-    const ImagerSolution* imager;
-    Eigen::Vector2d pixel;
-    Eigen::Vector3d origin, direction;
-  };
-  std::vector<Ray> rays;
-  for (const auto& sighting : target.seen) {
-    const ImagerSolution* imager = find_imager(solution, sighting.imager);
-    if (imager == nullptr)
+Result<void> take_markers(const Markers& markers, std::vector<Target>& targets) {
+  for (Target& target : targets) {
+    if (target.world) continue;
+    const std::string& name = target.marker.empty() ? target.id : target.marker;
+    const auto marker = markers.find(name);
+    if (marker == markers.end())
       return fail(
-          fmt::format("target {}: \"{}\" is not in the solution", target.id, sighting.imager));
-    const auto ray = ray_through(imager->camera, sighting.pixel);
+          fmt::format("target {}: the tracker saw no marker \"{}\"; name its marker or give its "
+                      "coordinates",
+                      target.id, name));
+    target.world = marker->second;
+  }
+  return {};
+}
+
+namespace {
+
+// What one imager says of a target: a pixel, or a point from depth (in B, with its sigma).
+struct Evidence {
+  int imager = 0;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  // Of the pixel's ray, in B.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero(), direction = Eigen::Vector3d::Zero();
+  bool is_point = false;
+  Eigen::Vector3d p_B = Eigen::Vector3d::Zero();
+  double sigma_m = 0;
+};
+
+Result<std::vector<Evidence>> gather(const Solution& solution, const Target& target) {
+  std::vector<Evidence> all;
+  const auto unknown = [&](const std::string& name) {
+    return fail(fmt::format("target {}: \"{}\" is not in the solution", target.id, name));
+  };
+  for (const auto& sighting : target.seen) {
+    Evidence evidence;
+    evidence.imager = find_imager(solution, sighting.imager);
+    if (evidence.imager < 0) return unknown(sighting.imager);
+    const ImagerSolution& imager = solution.imagers[static_cast<std::size_t>(evidence.imager)];
+    const auto ray = ray_through(imager.camera, sighting.pixel);
     if (!ray)
       return fail(fmt::format("target {}: its pixel in {} lies where the lens is not invertible",
                               target.id, sighting.imager));
-    rays.push_back({imager, sighting.pixel, imager->X_BS.position,
-                    (imager->X_BS.rotation * *ray).normalized()});
+    evidence.pixel = sighting.pixel;
+    evidence.origin = imager.X_BS.position;
+    evidence.direction = (imager.X_BS.rotation * *ray).normalized();
+    all.push_back(evidence);
   }
-  double angle = 0;
-  for (const Ray& a : rays)
-    for (const Ray& b : rays)
-      angle = std::max(angle, std::asin(std::min(1.0, a.direction.cross(b.direction).norm())));
+  for (const auto& sphere : target.spheres) {
+    Evidence evidence;
+    evidence.imager = find_imager(solution, sphere.imager);
+    if (evidence.imager < 0) return unknown(sphere.imager);
+    evidence.is_point = true;
+    evidence.p_B =
+        solution.imagers[static_cast<std::size_t>(evidence.imager)].measuring_X_BS() * sphere.p_S;
+    evidence.sigma_m = sphere.sigma_m;
+    all.push_back(evidence);
+  }
   constexpr double kAngleMin = 0.5 * std::numbers::pi / 180;
-  if (rays.size() < 2 || angle < kAngleMin)
+  double angle = 0;
+  for (const Evidence& a : all)
+    for (const Evidence& b : all)
+      if (!a.is_point && !b.is_point)
+        angle = std::max(angle, std::asin(std::min(1.0, a.direction.cross(b.direction).norm())));
+  if (target.spheres.empty() && angle < kAngleMin)
     return fail(
         fmt::format("target {}: it must be seen by at least two imagers from directions more "
                     "than 0.5 degrees apart",
                     target.id));
+  return all;
+}
+
+Eigen::Vector3d midpoint(const std::vector<Evidence>& all) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  for (const Ray& ray : rays) {
-    const Eigen::Matrix3d across =
-        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
+  for (const Evidence& evidence : all) {
+    Eigen::Matrix3d across = Eigen::Matrix3d::Identity();
+    if (!evidence.is_point) across -= evidence.direction * evidence.direction.transpose();
     A += across;
-    b += across * ray.origin;
+    b += across * (evidence.is_point ? evidence.p_B : evidence.origin);
   }
+  return A.ldlt().solve(b);
+}
+
+// Information of one piece of evidence at p_B and its pull; false behind the imager.
+bool weigh(const Solution& solution, const Evidence& evidence, const Eigen::Vector3d& p_B,
+           Eigen::Matrix3d& information, Eigen::Vector3d& pull) {
+  if (evidence.is_point) {
+    const double weight = 1 / (evidence.sigma_m * evidence.sigma_m);
+    information = weight * Eigen::Matrix3d::Identity();
+    pull = weight * (evidence.p_B - p_B);
+    return true;
+  }
+  const ImagerSolution& imager = solution.imagers[static_cast<std::size_t>(evidence.imager)];
+  const auto X_BS = calibration::to_block(imager.X_BS.inverse()),
+             here = calibration::to_block(Rigid{Eigen::Quaterniond::Identity(), p_B});
+  const auto k = calibration::to_block(imager.camera);
+  Eigen::Vector2d pixel;
+  calibration::PixelJacobians J;
+  if (!calibration::ViewProjection(X_BS.data(), here.data(), k.data())
+           .project(Eigen::Vector3d::Zero(), pixel, &J))
+    return false;
+  constexpr double kSigmaMin_px = 0.05;
+  const double sigma = std::max(solution.sigma0_px, kSigmaMin_px);
+  const Eigen::Matrix<double, 2, 3> by_point = J.X_BP.rightCols<3>() / sigma;
+  information = by_point.transpose() * by_point;
+  pull = by_point.transpose() * (evidence.pixel - pixel) / sigma;
+  return true;
+}
+
+// Of the imagers' X_BS together; blocks alone where a solution carries no joint covariance.
+Eigen::MatrixXd joint_covariance(const Solution& solution) {
+  if (solution.joint_covariance.size() > 0) return solution.joint_covariance;
+  const auto rows = 6 * static_cast<Eigen::Index>(solution.imagers.size());
+  Eigen::MatrixXd C = Eigen::MatrixXd::Zero(rows, rows);
+  for (std::size_t i = 0; i < solution.imagers.size(); ++i)
+    C.block<6, 6>(6 * static_cast<Eigen::Index>(i), 6 * static_cast<Eigen::Index>(i)) =
+        solution.imagers[i].covariance;
+  return C;
+}
+
+}  // namespace
+
+Result<Triangulated> triangulate(const Solution& solution, const Target& target) {
+  const auto gathered = gather(solution, target);
+  if (!gathered) return fail(gathered.error().message);
   Triangulated result;
-  result.p_B = A.ldlt().solve(b);
-  Eigen::Matrix3d N;
+  result.p_B = midpoint(*gathered);
+  Eigen::Matrix3d N, information;
+  Eigen::Vector3d pull;
   for (int iteration = 0; iteration < 10; ++iteration) {
     N.setZero();
     Eigen::Vector3d g = Eigen::Vector3d::Zero();
-    for (const Ray& ray : rays) {
-      const Rigid X_SB = ray.imager->X_BS.inverse();
-      Eigen::Matrix<double, 2, 3> J;
-      const auto at = project(ray.imager->camera, X_SB * result.p_B);
-      if (!at)
-        return fail(fmt::format("target {}: its rays meet behind {}", target.id, ray.imager->name));
-      constexpr double kStep = 1e-6;
-      for (int k = 0; k < 3; ++k) {
-        const Eigen::Vector3d moved = result.p_B + kStep * Eigen::Vector3d::Unit(k);
-        J.col(k) = (project(ray.imager->camera, X_SB * moved).value_or(*at) - *at) / kStep;
-      }
-      N += J.transpose() * J;
-      g += J.transpose() * (ray.pixel - *at);
+    for (const Evidence& evidence : *gathered) {
+      if (!weigh(solution, evidence, result.p_B, information, pull))
+        return fail(fmt::format("target {}: its rays meet behind {}", target.id,
+                                solution.imagers[static_cast<std::size_t>(evidence.imager)].name));
+      N += information;
+      g += pull;
     }
     const Eigen::Vector3d step = N.ldlt().solve(g);
     result.p_B += step;
     if (step.norm() < 1e-12) break;
   }
-  const double sigma = std::max(solution.sigma0_px, 0.05);
-  result.covariance = sigma * sigma * N.inverse();
+  result.covariance = N.inverse();
+  result.by_imagers =
+      Eigen::Matrix3Xd::Zero(3, 6 * static_cast<Eigen::Index>(solution.imagers.size()));
+  for (const Evidence& evidence : *gathered) {
+    if (!weigh(solution, evidence, result.p_B, information, pull)) continue;
+    // An imager turned by r and moved by t sees the point as if that had moved by
+    // -(r x (p - origin)) - t.
+    const Rigid& X_BS = solution.imagers[static_cast<std::size_t>(evidence.imager)].X_BS;
+    const Eigen::Matrix3d share = result.covariance * information;
+    const auto at = 6 * static_cast<Eigen::Index>(evidence.imager);
+    result.by_imagers.middleCols<3>(at) -= share * skew(result.p_B - X_BS.position);
+    result.by_imagers.middleCols<3>(at + 3) += share;
+  }
   return result;
 }
+
+namespace {
+
+// The targets in both frames and the covariance of all p_B together.
+struct Correspondences {
+  std::vector<Eigen::Vector3d> p_B, p_W;
+  Eigen::MatrixXd covariance;
+};
+
+Result<Correspondences> correspond(const std::vector<Target>& targets, const Solution& solution) {
+  Correspondences pairs;
+  const auto n = static_cast<Eigen::Index>(targets.size());
+  pairs.covariance = Eigen::MatrixXd::Zero(3 * n, 3 * n);
+  Eigen::MatrixXd by_imagers(3 * n, 6 * static_cast<Eigen::Index>(solution.imagers.size()));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Target& target = targets[static_cast<std::size_t>(i)];
+    if (!target.world)
+      return fail(
+          fmt::format("target {}: it has no \"world\" coordinates; give them or the "
+                      "tracker's file",
+                      target.id));
+    auto point = triangulate(solution, target);
+    if (!point) return fail(point.error().message);
+    pairs.p_B.push_back(point->p_B);
+    pairs.p_W.push_back(*target.world);
+    pairs.covariance.block<3, 3>(3 * i, 3 * i) = point->covariance;
+    by_imagers.middleRows<3>(3 * i) = point->by_imagers;
+  }
+  pairs.covariance += by_imagers * joint_covariance(solution) * by_imagers.transpose();
+  return pairs;
+}
+
+bool on_one_line(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& p : points) mean += p / static_cast<double>(points.size());
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
+  const Eigen::Vector3d spread =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  constexpr double kCollinear = 1e-3;  // squared ratio of the second extent to the first
+  return spread[1] < kCollinear * spread[2];
+}
+
+// One Gauss-Newton step's equations on rotation (left, in W), position and scale.
+struct Equations {
+  Eigen::Matrix<double, 7, 7> N;
+  Eigen::Matrix<double, 7, 1> g;
+  double chi2 = 0;
+};
+
+Equations linearise(const Correspondences& pairs, const Similarity& X) {
+  const auto n = static_cast<Eigen::Index>(pairs.p_B.size());
+  Eigen::MatrixXd J(3 * n, 7), turn = Eigen::MatrixXd::Zero(3 * n, 3 * n);
+  Eigen::VectorXd residual(3 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto& p_B = pairs.p_B[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d turned = X.rotation * p_B;
+    J.block<3, 3>(3 * i, 0) = -skew(X.scale * turned);
+    J.block<3, 3>(3 * i, 3).setIdentity();
+    J.block<3, 1>(3 * i, 6) = turned;
+    turn.block<3, 3>(3 * i, 3 * i) = X.scale * X.rotation.toRotationMatrix();
+    residual.segment<3>(3 * i) = pairs.p_W[static_cast<std::size_t>(i)] - X * p_B;
+  }
+  Eigen::MatrixXd C = turn * pairs.covariance * turn.transpose();
+  C.diagonal().array() += kReferenceSigma * kReferenceSigma;
+  const Eigen::LDLT<Eigen::MatrixXd> weight(C);
+  return {J.transpose() * weight.solve(J), J.transpose() * weight.solve(residual),
+          residual.dot(weight.solve(residual))};
+}
+
+}  // namespace
 
 Result<void> georeference(const std::vector<Target>& targets, Solution& solution) {
   if (targets.size() < 3)
@@ -167,68 +346,34 @@ Result<void> georeference(const std::vector<Target>& targets, Solution& solution
         fmt::format("{} targets cannot fix the seven parameters of the georeference; measure "
                     "at least three that are not on one line",
                     targets.size()));
-  std::vector<Eigen::Vector3d> p_B, p_W;
-  std::vector<Eigen::Matrix3d> covariance;
-  for (const Target& target : targets) {
-    auto point = triangulate(solution, target);
-    if (!point) return fail(point.error().message);
-    p_B.push_back(point->p_B);
-    p_W.push_back(target.world);
-    covariance.push_back(point->covariance);
-  }
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const auto& p : p_W) mean += p / static_cast<double>(p_W.size());
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const auto& p : p_W) scatter += (p - mean) * (p - mean).transpose();
-  const Eigen::Vector3d spread =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
-  constexpr double kCollinear = 1e-3;  // squared ratio of the second extent to the first
-  if (spread[1] < kCollinear * spread[2])
+  const auto pairs = correspond(targets, solution);
+  if (!pairs) return fail(pairs.error().message);
+  if (on_one_line(pairs->p_W) || on_one_line(pairs->p_B))
     return fail(
         "the targets lie on one line and leave the turn about it free; move one of them aside");
-  Similarity X = umeyama(p_B, p_W);
-  // Gauss-Newton on rotation (left, in W), position and scale with the targets' own covariances.
-  Eigen::Matrix<double, 7, 7> N;
+  Similarity X = umeyama(pairs->p_B, pairs->p_W);
+  Equations equations;
   for (int iteration = 0; iteration < 20; ++iteration) {
-    N.setZero();
-    Eigen::Matrix<double, 7, 1> g = Eigen::Matrix<double, 7, 1>::Zero();
-    for (std::size_t i = 0; i < p_B.size(); ++i) {
-      const Eigen::Vector3d turned = X.rotation * p_B[i];
-      Eigen::Matrix<double, 3, 7> J;
-      J.leftCols<3>() = -skew(X.scale * turned);
-      J.middleCols<3>(3).setIdentity();
-      J.col(6) = turned;
-      const Eigen::Matrix3d R = X.rotation.toRotationMatrix();
-      const Eigen::Matrix3d C = X.scale * X.scale * R * covariance[i] * R.transpose() +
-                                kReferenceSigma * kReferenceSigma * Eigen::Matrix3d::Identity();
-      const Eigen::Matrix3d W = C.inverse();
-      N += J.transpose() * W * J;
-      g += J.transpose() * W * (p_W[i] - X * p_B[i]);
-    }
-    const Eigen::Matrix<double, 7, 1> step = N.ldlt().solve(g);
-    const Eigen::Vector3d turn = step.head<3>();
-    if (turn.norm() > 0)
-      X.rotation = (Eigen::AngleAxisd(turn.norm(), turn.normalized()) * X.rotation).normalized();
+    equations = linearise(*pairs, X);
+    const Eigen::Matrix<double, 7, 1> step = equations.N.ldlt().solve(equations.g);
+    const Rigid turn = calibration::to_rigid(step.head<3>(), Eigen::Vector3d::Zero());
+    X.rotation = (turn.rotation * X.rotation).normalized();
     X.position += step.segment<3>(3);
     X.scale += step[6];
     if (step.norm() < 1e-13) break;
   }
+  equations = linearise(*pairs, X);
   Georeferenced result;
   result.X_WB = X;
-  double chi2 = 0;
-  for (std::size_t i = 0; i < p_B.size(); ++i) {
-    const Eigen::Vector3d residual = p_W[i] - X * p_B[i];
-    const Eigen::Matrix3d R = X.rotation.toRotationMatrix();
-    const Eigen::Matrix3d C = X.scale * X.scale * R * covariance[i] * R.transpose() +
-                              kReferenceSigma * kReferenceSigma * Eigen::Matrix3d::Identity();
-    chi2 += residual.dot(C.ldlt().solve(residual));
-    result.residuals_m.push_back(residual);
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    result.residuals_m.emplace_back(pairs->p_W[i] - X * pairs->p_B[i]);
     result.targets.push_back(targets[i].id);
   }
   // Residuals larger than the covariances explain widen the sigmas; smaller ones do not narrow
   // them.
-  const double freedom = 3.0 * static_cast<double>(p_B.size()) - 7.0;
-  result.covariance = N.inverse() * std::max(1.0, chi2 / freedom);
+  const double freedom = 3.0 * static_cast<double>(targets.size()) - 7.0;
+  result.covariance = equations.N.inverse() * std::max(1.0, equations.chi2 / freedom);
+  result.covariance = (result.covariance + result.covariance.transpose()).eval() / 2;
   solution.georeference = std::move(result);
   return {};
 }

@@ -1,42 +1,60 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/result.h"
+#include "calibrate/markers.h"
 #include "calibrate/solution.h"
 
 namespace wagonsight {
 
 // A ball whose centre is known in the reference frame W (metres) and seen in images (pixels of its
-// outline's centre, 0-based).
+// centre, 0-based) or in a Kinect's depth (a sphere fitted to it).
 struct Target {
   std::string id;
-  Eigen::Vector3d world = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> world;  // absent: to be taken from the tracker's markers
+  std::string marker;                    // its name there; the target's id when empty
   struct Sighting {
     std::string imager;
     Eigen::Vector2d pixel;
   };
   std::vector<Sighting> seen;
+  struct Sphere {
+    std::string imager;
+    Eigen::Vector3d p_S;  // in the sensor's depth camera, metres, corrected readings
+    double sigma_m = 0.003;
+  };
+  std::vector<Sphere> spheres;
 };
 
 // Reads TARGETS.json (see INTERFACES).
 Result<std::vector<Target>> parse_targets(std::string_view json, std::string_view file);
 
-// The least-squares point of rays from two or more imagers, in B, by Gauss-Newton on the
-// reprojection error from the midpoint of the rays. The Error says that fewer than two imagers of
-// the solution saw the target, or that their rays are all but parallel (under 0.5 degrees).
+// Gives the targets without reference coordinates those of their markers. The Error names a target
+// whose marker the tracker did not see.
+Result<void> take_markers(const Markers& markers, std::vector<Target>& targets);
+
+// The least-squares point of rays from two or more imagers and of spheres in depth, in B, by
+// Gauss-Newton on the reprojection error from the midpoint of the rays. The Error says that fewer
+// than two imagers of the solution saw the target and none in depth, or that the rays are all but
+// parallel (under 0.5 degrees).
 struct Triangulated {
   Eigen::Vector3d p_B;
-  Eigen::Matrix3d covariance;  // m^2, from the solution's sigma0
+  Eigen::Matrix3d covariance;  // m^2, from the solution's sigma0 alone
+  // d p_B / d X_BS of all imagers, six columns each as in Solution::joint_covariance: what the
+  // cameras' own errors do to the point.
+  Eigen::Matrix3Xd by_imagers;
 };
 Result<Triangulated> triangulate(const Solution& solution, const Target& target);
 
 // The similarity transform B to W (the paper's equation 7): in closed form (Umeyama 1991), then
-// refined with the targets' covariances. Adds it to the solution. Fewer than three targets, or
-// targets on one line, are refused.
+// refined with the targets' joint covariance, which holds the noise of their sightings, the
+// cameras' covariance and 0.5 mm of the reference. Adds it to the solution. Fewer than three
+// targets, or targets on one line, are refused.
 Result<void> georeference(const std::vector<Target>& targets, Solution& solution);
 
 }  // namespace wagonsight

@@ -68,6 +68,7 @@ Result<View> parse_view(const Json& json, std::size_t index, const Board& board,
                                                                 : std::string();
   if (view.pose.empty()) view.pose = fmt::format("view {}", index);
   where += fmt::format(" ({}{}{})", view.imager, view.image.empty() ? "" : ", ", view.image);
+  view.placed = json.value("placed", Json()) != false;
   if (!json.contains("corners") || !json["corners"].is_array() || json["corners"].empty())
     return fail(where + ": it has no corners; remove the view or click its corners");
   std::set<int> seen;
@@ -122,6 +123,7 @@ std::string format_observations(const Observations& observations) {
                              {"image", view.image},
                              {"pose", view.pose},
                              {"corners", std::move(corners)}});
+    if (!view.placed) root["views"].back()["placed"] = false;
   }
   return root.dump(1) + "\n";
 }

@@ -35,6 +35,9 @@ struct View {
   std::string image;   // file, for the report; may be empty
   std::string pose;    // views with the same name show the same board pose; never empty
   std::vector<Corner> corners;
+  // False: the corners hang together, but where on the board they begin is not known; their IDs are
+  // one of several possible numberings.
+  bool placed = true;
 };
 
 struct Observations {

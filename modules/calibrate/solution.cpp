@@ -76,6 +76,22 @@ Json to_json(const ImagerSolution& imager) {
   return json;
 }
 
+// Of omega, phi, kappa (rad) from the covariance of the rotation about W's axes, by differences.
+Eigen::Vector3d angle_sigmas(const Georeferenced& geo) {
+  constexpr double kStep = 1e-6;
+  Eigen::Matrix3d J;
+  for (int k = 0; k < 3; ++k) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(kStep, Eigen::Vector3d::Unit(k)));
+    const OmegaPhiKappa a = to_omega_phi_kappa(turn.conjugate() * geo.X_WB.rotation),
+                        b = to_omega_phi_kappa(turn * geo.X_WB.rotation);
+    J.col(k) = Eigen::Vector3d(wrap_angle(b.omega - a.omega), b.phi - a.phi,
+                               wrap_angle(b.kappa - a.kappa)) /
+               (2 * kStep);
+  }
+  const Eigen::Matrix3d C = J * geo.covariance.topLeftCorner<3, 3>() * J.transpose();
+  return C.diagonal().cwiseMax(0).cwiseSqrt();
+}
+
 Json to_json(const Georeferenced& geo) {
   constexpr double kDegrees = 180 / std::numbers::pi;
   const OmegaPhiKappa angles = to_omega_phi_kappa(geo.X_WB.rotation);
@@ -89,6 +105,7 @@ Json to_json(const Georeferenced& geo) {
           {"scale", geo.X_WB.scale},
           {"omega_phi_kappa_deg",
            {angles.omega * kDegrees, angles.phi * kDegrees, angles.kappa * kDegrees}},
+          {"omega_phi_kappa_sigma_deg", to_list(kDegrees * angle_sigmas(geo))},
           {"sigma", to_list(geo.covariance.diagonal().cwiseSqrt())},
           {"sigma_order", "rotation x, y, z (rad, about W's axes), position x, y, z (m), scale"},
           {"covariance", to_json(geo.covariance)},

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <set>
 
 #include "calibrate/problem.h"
 #include "calibrate/reprojection.h"
@@ -34,7 +35,19 @@ Result<Problem> assemble(const Observations& observations, const std::vector<Sen
                       "remove its views",
                       view.image.empty() ? view.pose : view.image, view.imager));
     const SensorSpec& spec = problem.spec(imager->second);
-    for (const Corner& corner : view.corners)
+    if (view.corners.empty()) {
+      problem.remarks.push_back(
+          fmt::format("{} {}: it has no corners; the view was left out", view.imager, view.image));
+      continue;
+    }
+    std::set<int> seen;
+    for (const Corner& corner : view.corners) {
+      if (corner.id < 0 || corner.id >= problem.board.corner_count())
+        return fail(fmt::format("{} {}: corner {} is not on the board (0 to {})", view.imager,
+                                view.image, corner.id, problem.board.corner_count() - 1));
+      if (!seen.insert(corner.id).second)
+        return fail(
+            fmt::format("{} {}: corner {} stands there twice", view.imager, view.image, corner.id));
       if (!(corner.pixel.x() >= -1 && corner.pixel.x() <= spec.width && corner.pixel.y() >= -1 &&
             corner.pixel.y() <= spec.height))
         return fail(
@@ -42,6 +55,7 @@ Result<Problem> assemble(const Observations& observations, const std::vector<Sen
                         "the size in the sensors' file right?",
                         view.imager, view.image, corner.id, corner.pixel.x(), corner.pixel.y(),
                         spec.width, spec.height));
+    }
     const auto [pose, is_new] = pose_of.try_emplace(view.pose, static_cast<int>(pose_of.size()));
     if (is_new) problem.pose_names.push_back(view.pose);
     problem.views.push_back(view);

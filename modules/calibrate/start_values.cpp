@@ -10,6 +10,8 @@
 #include <numeric>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <string_view>
+#include <utility>
 
 #include "calibrate/problem.h"
 
@@ -101,7 +103,9 @@ class StartValues {
     for (int i = 0; i < imager_count(); ++i)
       if (auto started = start_camera(problem_, i); !started) return started;
     for (std::size_t v = 0; v < problem_.views.size(); ++v)
-      resections_.push_back(resect(problem_, problem_.view_imager[v], problem_.views[v]));
+      resections_.push_back(problem_.views[v].placed
+                                ? resect(problem_, problem_.view_imager[v], problem_.views[v])
+                                : Resection{});
     walk_the_graph();
     place_boards();
     repair_shifted_views();
@@ -118,6 +122,7 @@ class StartValues {
   Result<void> express_in_reference();
   double pose_cost(int pose, const Rigid& X_RP) const;
   bool try_renumbering(std::size_t view);
+  void leave_out(std::size_t view, std::string_view why);
 
   Problem& problem_;
   std::vector<Resection> resections_;
@@ -237,22 +242,29 @@ double view_rms(const Problem& problem, std::size_t v, const Rigid& X_SP,
 
 // What somebody who clicks, or a detector that cannot tell a board's ends apart, gets wrong.
 struct Renumbering {
-  bool mirrored, turned;
-  int row_shift, column_shift;
+  bool quarter = false;  // turned by 90 degrees: a part of a board may be counted across
+  bool mirrored = false, turned = false;
+  int row_shift = 0, column_shift = 0;
 };
 
 std::vector<Corner> renumbered(const Board& board, const std::vector<Corner>& corners,
                                const Renumbering& how) {
   std::vector<Corner> result;
   for (const Corner& corner : corners) {
-    int row = corner.id / board.columns + how.row_shift;
-    int column = corner.id % board.columns + how.column_shift;
+    int row = corner.id / board.columns, column = corner.id % board.columns;
+    if (how.quarter) row = std::exchange(column, -row);
+    row += how.row_shift;
+    column += how.column_shift;
     if (how.mirrored) column = board.columns - 1 - column;
     if (how.turned) row = board.rows - 1 - row, column = board.columns - 1 - column;
     if (row < 0 || row >= board.rows || column < 0 || column >= board.columns) continue;
     result.push_back({row * board.columns + column, corner.pixel});
   }
   return result;
+}
+
+std::string describe(const View& view) {
+  return fmt::format("{} {}", view.imager, view.image.empty() ? view.pose : view.image);
 }
 
 std::string describe(const Renumbering& how) {
@@ -269,19 +281,22 @@ bool StartValues::try_renumbering(std::size_t v) {
   const Board& board = problem_.board;
   const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
   const Rigid X_SP = X_SR_[imager] * X_RP_[static_cast<std::size_t>(problem_.view_pose[v])];
-  constexpr int kShiftMax = 4;
+  // A part of a board that was found without its place may begin anywhere, turned any way.
+  const bool placed = problem_.views[v].placed;
+  const int shift_max = placed ? 4 : std::max(board.rows, board.columns);
   double best = std::numeric_limits<double>::infinity();
   std::vector<Corner> best_corners;
   std::string best_text;
   // A board that is seen from behind is mirrored too, and rightly so: only a view that contradicts
   // the others gets here.
-  for (const bool mirrored : {false, true})
+  for (const bool other : {false, true})
     for (const bool turned : {false, true})
-      for (int dr = -kShiftMax; dr <= kShiftMax; ++dr)
-        for (int dc = -kShiftMax; dc <= kShiftMax; ++dc) {
-          const Renumbering renumbering{mirrored, turned, dr, dc};
+      for (int dr = -shift_max; dr <= shift_max; ++dr)
+        for (int dc = -shift_max; dc <= shift_max; ++dc) {
+          const Renumbering renumbering{!placed && other, placed && other, turned, dr, dc};
           std::vector<Corner> corners = renumbered(board, problem_.views[v].corners, renumbering);
           if (corners.size() * 2 < problem_.views[v].corners.size()) continue;
+          if (!placed && corners.size() != problem_.views[v].corners.size()) continue;
           const double error = view_rms(problem_, v, X_SP, corners);
           if (error >= best) continue;
           best = error;
@@ -292,35 +307,41 @@ bool StartValues::try_renumbering(std::size_t v) {
   if (best > kAgreesPx) return false;
   View& view = problem_.views[v];
   problem_.remarks.push_back(
-      fmt::format("{} {}: the corner IDs are {} against the other views; they were corrected",
-                  view.imager, view.image.empty() ? view.pose : view.image, best_text));
+      placed ? fmt::format("{}: the corner IDs are {} against the other views; they were corrected",
+                           describe(view), best_text)
+             : fmt::format("{}: shows a part of the board; its place on it was found by the other "
+                           "views",
+                           describe(view)));
   view.corners = std::move(best_corners);
   return true;
 }
 
+void StartValues::leave_out(std::size_t v, std::string_view why) {
+  problem_.remarks.push_back(fmt::format("{}: {}", describe(problem_.views[v]), why));
+}
+
 void StartValues::repair_shifted_views() {
   constexpr double kWrongPx = 10;
-  std::vector<bool> keep(problem_.views.size(), true);
+  std::vector<bool> keep(problem_.views.size(), false);
   for (std::size_t v = 0; v < problem_.views.size(); ++v) {
+    const View& view = problem_.views[v];
     const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
     const auto pose = static_cast<std::size_t>(problem_.view_pose[v]);
-    if (!imager_known_[imager] || !pose_known_[pose]) {
-      keep[v] = false;
-      problem_.remarks.push_back(fmt::format(
-          "{} {}: too few corners agree with a flat board; the view was left out",
-          problem_.views[v].imager,
-          problem_.views[v].image.empty() ? problem_.views[v].pose : problem_.views[v].image));
+    const bool known = imager_known_[imager] && pose_known_[pose];
+    keep[v] = known && view.placed &&
+              view_rms(problem_, v, X_SR_[imager] * X_RP_[pose], view.corners) < kWrongPx;
+    if (keep[v]) continue;
+    if (!known) {
+      leave_out(v, view.placed ? "too few corners agree with a flat board; the view was left out"
+                               : "shows a part of the board, and no other view of the pose tells "
+                                 "which; it was left out (click its corners)");
       continue;
     }
-    if (view_rms(problem_, v, X_SR_[imager] * X_RP_[pose], problem_.views[v].corners) < kWrongPx)
-      continue;
-    if (try_renumbering(v)) continue;
-    keep[v] = false;
-    problem_.remarks.push_back(fmt::format(
-        "{} {}: it contradicts the other views of its board pose; it was left out (was the board "
-        "or a camera moved?)",
-        problem_.views[v].imager,
-        problem_.views[v].image.empty() ? problem_.views[v].pose : problem_.views[v].image));
+    keep[v] = try_renumbering(v);
+    if (!keep[v])
+      leave_out(v,
+                "it contradicts the other views of its board pose; it was left out (was the board "
+                "or a camera moved?)");
   }
   std::size_t kept = 0;
   for (std::size_t v = 0; v < problem_.views.size(); ++v) {
@@ -396,6 +417,7 @@ std::string describe_groups(const Problem& problem) {
   };
   std::map<int, std::size_t> first_of_pose;
   for (std::size_t v = 0; v < problem.views.size(); ++v) {
+    if (!problem.views[v].placed) continue;
     const auto imager = static_cast<std::size_t>(problem.view_imager[v]);
     const auto [it, is_new] = first_of_pose.try_emplace(problem.view_pose[v], imager);
     if (!is_new) parent[root(imager)] = root(it->second);

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "geometry/angles.h"
-#include "synthetic_rig.h"
+#include "support/synthetic_rig.h"
 
 namespace wagonsight {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "rig/blob.h"
 #include "stereo/rectify.h"
-#include "synthetic_rig.h"
+#include "support/synthetic_rig.h"
 
 namespace wagonsight {
 namespace {

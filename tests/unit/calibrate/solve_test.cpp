@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "synthetic_rig.h"
+#include "support/synthetic_rig.h"
 
 namespace wagonsight {
 namespace {
@@ -89,6 +89,45 @@ TEST(Solve, ReadsMirroredAndShiftedBoardsAnyway) {
             std::string::npos)
       << told(*solution);
   for (const auto& imager : solution->imagers) EXPECT_NEAR(imager.rms_px_per_coordinate, 0.2, 0.03);
+}
+
+TEST(Solve, PlacesAPartOfABoardByTheOtherViews) {
+  auto rig = synthetic::make(
+      6, {.noise_px = 0.2, .hidden_share = 0.0, .poses = 8, .kinects = 4, .stereos = 0});
+  const Board board = rig.observations.board;
+  const std::vector<View> truth = rig.observations.views;
+  // Parts of three rows and four columns, numbered as if they began at corner 0, and one of them
+  // across: what a detector knows that sees no border.
+  for (View& view : rig.observations.views) {
+    const bool across = view.image == "k2/p4.png";
+    if (view.image != "k1/p3.png" && !across) continue;
+    std::vector<Corner> part;
+    for (const Corner& c : view.corners) {
+      const int row = c.id / board.columns - 2, column = c.id % board.columns - 4;
+      if (row < 0 || row >= 3 || column < 0 || column >= 4) continue;
+      part.push_back(
+          {across ? (3 - column) * board.columns + row : row * board.columns + column, c.pixel});
+    }
+    ASSERT_EQ(part.size(), 12U);
+    view.corners = part;
+    view.placed = false;
+  }
+  const auto solution = solve(rig.observations, rig.sensors);
+  ASSERT_TRUE(solution) << solution.error().message;
+  for (const char* image : {"k1/p3.png", "k2/p4.png"})
+    EXPECT_NE(told(*solution).find(std::string(image) +
+                                   ": shows a part of the board; its place on it was found by the "
+                                   "other views"),
+              std::string::npos)
+        << told(*solution);
+  for (const ViewSolution& view : solution->views) {
+    EXPECT_LT(view.rms_px, 0.5) << view.image;
+    for (const auto& residual : view.residuals)
+      for (const View& v : truth)
+        if (v.image == view.image)
+          for (const Corner& c : v.corners)
+            if (c.pixel == residual.pixel) EXPECT_EQ(c.id, residual.id) << view.image;
+  }
 }
 
 TEST(Solve, RefusesARigThatFallsApart) {

@@ -21,12 +21,18 @@ struct Options {
   int kinects = 4;
   int stereos = 6;
   bool fix_kinects = true;
+  // Fixed intrinsics are wrong by this, and say so.
+  double focal_sigma = 0;  // relative
+  double centre_sigma_px = 0;
+  bool start_values = false;  // of the stereo cameras too
+  bool flat_view = false;     // the last stereo camera sees the boards at a flat angle
 };
 
 struct RigWithTruth {
   std::vector<SensorSpec> sensors;
   std::vector<Camera> cameras;  // by imager
   std::vector<Rigid> X_BS;
+  std::vector<Rigid> X_BP;  // by pose, "p0" is B
   Observations observations;
 };
 
@@ -54,9 +60,16 @@ inline RigWithTruth make(unsigned seed, const Options& options) {
     camera.cx += 10 * (uniform(random) - 0.5);
     camera.cy += 10 * (uniform(random) - 0.5);
     if (is_stereo) camera.distortion = {-0.12, 0.06, 0.0008, -0.0005, 0.0};
+    if (is_stereo && options.start_values) spec.start = camera;
     if (!is_stereo && options.fix_kinects) {
       spec.fix_intrinsics = true;
       spec.start = camera;
+      spec.fixed_sigma_focal = options.focal_sigma;
+      spec.fixed_sigma_centre_px = options.centre_sigma_px;
+      spec.start->fx *= 1 + options.focal_sigma * normal(random);
+      spec.start->fy *= 1 + options.focal_sigma * normal(random);
+      spec.start->cx += options.centre_sigma_px * normal(random);
+      spec.start->cy += options.centre_sigma_px * normal(random);
     }
     rig.sensors.push_back(spec);
     rig.cameras.push_back(camera);
@@ -85,8 +98,9 @@ inline RigWithTruth make(unsigned seed, const Options& options) {
   }
   for (int s = 0; s < options.stereos; ++s) {
     const double turn = 2 * 3.14159265 * s / std::max(1, options.stereos);
+    const double height = options.flat_view && s == options.stereos - 1 ? 0.7 : 2.3;
     add_sensor("s" + std::to_string(s), SensorKind::kStereo,
-               pose_at(1.5 * std::cos(turn), 1.1 * std::sin(turn), 2.3));
+               pose_at(1.5 * std::cos(turn), 1.1 * std::sin(turn), height));
   }
   const std::vector<Imager> imagers = imagers_of(rig.sensors);
   rig.observations.board = {6, 9, 0.08};
@@ -100,6 +114,7 @@ inline RigWithTruth make(unsigned seed, const Options& options) {
       X_BP.position = {0.6 * (uniform(random) - 0.5), 0.6 * (uniform(random) - 0.5),
                        -0.6 * uniform(random)};
     }
+    rig.X_BP.push_back(X_BP);
     for (std::size_t i = 0; i < imagers.size(); ++i) {
       View view;
       view.imager = imagers[i].name;
