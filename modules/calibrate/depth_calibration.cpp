@@ -68,7 +68,7 @@ class DepthFit {
       : board_(solution.board), options_(options) {
     result_.from_infrared = spec.from_infrared;
     result_.camera = spec.from_infrared ? imager.camera : spec.camera;
-    result_.X_CS = spec.X_CS;
+    if (!spec.from_infrared) result_.X_CS = spec.X_CS;
     start_ = result_;
   }
 

@@ -67,6 +67,7 @@ double tilt_of(const Board& board, const std::vector<Corner>& corners) {
 // OpenCV has it takes seconds for forty.
 std::vector<std::vector<Corner>> telling_views(const Problem& problem, int imager) {
   constexpr std::size_t kViews = 10;
+  constexpr std::size_t kCorners = 800;  // of small boards, or parts of them, more views are taken
   constexpr std::size_t kCornersMin = 8;
   std::vector<std::pair<double, std::vector<Corner>>> views;
   for (std::size_t v = 0; v < problem.views.size(); ++v) {
@@ -78,9 +79,13 @@ std::vector<std::vector<Corner>> telling_views(const Problem& problem, int image
   }
   std::stable_sort(views.begin(), views.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
-  if (views.size() > kViews) views.resize(kViews);
   std::vector<std::vector<Corner>> result;
-  for (auto& view : views) result.push_back(std::move(view.second));
+  std::size_t corners = 0;
+  for (auto& view : views) {
+    if (result.size() >= kViews && corners >= kCorners) break;
+    corners += view.second.size();
+    result.push_back(std::move(view.second));
+  }
   return result;
 }
 
@@ -115,8 +120,7 @@ Result<void> start_camera(Problem& problem, int imager) {
   cv::Mat D = cv::Mat::zeros(1, 5, CV_64F);
   std::vector<cv::Mat> rotations, positions;
   cv::calibrateCamera(objects, images, {spec.width, spec.height}, K, D, rotations, positions,
-                      cv::CALIB_USE_INTRINSIC_GUESS | cv::CALIB_FIX_K3,
-                      {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 30, 1e-7});
+                      cv::CALIB_USE_INTRINSIC_GUESS | cv::CALIB_FIX_K3);
   camera.width = spec.width;
   camera.height = spec.height;
   camera.fx = K.at<double>(0, 0);

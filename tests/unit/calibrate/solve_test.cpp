@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "support/synthetic_rig.h"
 
 namespace wagonsight {
@@ -122,11 +124,15 @@ TEST(Solve, PlacesAPartOfABoardByTheOtherViews) {
         << told(*solution);
   for (const ViewSolution& view : solution->views) {
     EXPECT_LT(view.rms_px, 0.5) << view.image;
-    for (const auto& residual : view.residuals)
-      for (const View& v : truth)
-        if (v.image == view.image)
-          for (const Corner& c : v.corners)
-            if (c.pixel == residual.pixel) EXPECT_EQ(c.id, residual.id) << view.image;
+    const auto original = std::find_if(truth.begin(), truth.end(),
+                                       [&](const View& v) { return v.image == view.image; });
+    ASSERT_NE(original, truth.end());
+    for (const auto& residual : view.residuals) {
+      const auto corner = std::find_if(original->corners.begin(), original->corners.end(),
+                                       [&](const Corner& c) { return c.pixel == residual.pixel; });
+      ASSERT_NE(corner, original->corners.end());
+      EXPECT_EQ(corner->id, residual.id) << view.image;
+    }
   }
 }
 
