@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "people/planar.h"
+
 namespace wagonsight {
 namespace {
 
@@ -13,6 +15,8 @@ constexpr double kTogetherMax = 0.28;
 constexpr double kApartMin = 0.40;
 // A part that is no person by itself belongs to the nearest one within arm's reach.
 constexpr double kPartReach = 0.60;
+// Head and feet of one who lies are up to this far apart.
+constexpr double kLyingReach = 1.0;
 constexpr double kAdultRadius = 0.3;  // metres: shoulders
 // Longer than anybody with a bag, seen as an even spread of surface.
 constexpr double kOnePersonLength = 0.62;
@@ -20,25 +24,16 @@ constexpr double kPriorReach = 0.7;     // from the middle of a hill to those ex
 constexpr double kExpectedApart = 0.2;  // nearer tracks follow one person
 // The heads of people whose heights differ by a head's length are in this band below the highest.
 constexpr float kHeadBand = 0.35F;
+// Where a track expects its head: about its centre, a hand's breadth below the top.
+constexpr float kHeadBelow = 0.08F, kHeadReach = 0.14F;
+constexpr float kHeadTopSlack = 0.10F;
+constexpr float kExpectedHeadArea = 0.012F;  // square metres: a third of a head seen from one side
+constexpr double kTooHigh = 1.0;  // metres that a point above somebody's head is farther from him
+constexpr double kLyingPartLength = 0.6;  // longer than a foot in a stride
+constexpr double kLegsReach = 0.25;       // metres
 // How much fainter than the fainter of two heads the place between them is: clearly when nobody
 // was expected, slightly when two people were.
 constexpr float kClearGap = 0.65F, kSlightGap = 0.90F;
-// The visible half of an upright ellipse lies pi/4 of its half axis before its centre, seen
-// horizontally: 6 cm for a head, 9 cm for a chest from the front.
-constexpr float kSurfaceToCentre = 0.08F;
-// Head, shoulders and chest tell where the torso is; arms and legs swing.
-constexpr float kTorsoDepth = 0.60F;
-// Pixels at an image border that say that a body is cut there.
-constexpr std::uint32_t kCutPixels = 40;
-
-double square(double value) {
-  return value * value;
-}
-
-double distance_between(double ax, double ay, double bx, double by) {
-  return std::sqrt(square(ax - bx) + square(ay - by));
-}
-
 }  // namespace
 
 Detector::Detector(const Bounds& inside, const DetectOptions& options)
@@ -122,10 +117,22 @@ void Detector::merge(std::size_t low, std::size_t high) {
   from.merged_into = static_cast<std::uint16_t>(high);
 }
 
+// Who bends over somebody on the floor or stands beside him is another one.
+bool Detector::lies_there(const Part& low, std::span<const PersonPrior> priors) const {
+  for (const PersonPrior& prior : priors)
+    if (prior.lying &&
+        distance_between(prior.x, prior.y, low.mean_x(), low.mean_y()) < 0.7 * kLyingReach)
+      return true;
+  return false;
+}
+
 bool Detector::same_person(const Part& high, const Part& low,
                            std::span<const PersonPrior> priors) const {
   const double between = distance_between(high.mean_x(), high.mean_y(), low.mean_x(), low.mean_y());
+  if (low.top < kLyingTop && high.top >= kLyingTop && lies_there(low, priors)) return false;
   const double tops = distance_between(high.top_x, high.top_y, low.top_x, low.top_y);
+  // Who lies is long.
+  if (high.top < kLyingTop && between < kLyingReach) return true;
   if (between > kPartReach) return false;
   if (std::min(between, tops) < kTogetherMax) return true;
   // Two who have long sat or stood here are two, however little of one is seen.
@@ -182,23 +189,54 @@ void Detector::split_crowds(const FusedCloud& cloud, std::span<const PersonPrior
   for (std::size_t i = 0; i < count; ++i) {
     const Part& part = parts_[i];
     if (part.merged_into != i || part.area < 2 * options_.area_part_min_m2) continue;
+    if (part.top < kLyingTop || split_off_lying(cloud, i, priors)) continue;
     expect_in(i, priors);
     const double length = part.length();
+    // The flat top of a pram is full of heads; children are told apart by their hills or tracks.
+    if (expected_.size() < 2 && part.top < options_.child_max_m) continue;
     if (expected_.size() < 2 && (length < kOnePersonLength || part.area < options_.area_min_m2))
       continue;
-    head_modes_.clear(static_cast<float>(part.mean_x()), static_cast<float>(part.mean_y()));
-    for (std::size_t k = 0; k < cloud.points.size(); ++k)
-      if (is_in(k, i) && cloud.points[k].z > part.top - kHeadBand) head_modes_.add(cloud.points[k]);
-    const auto heads = head_modes_.find(expected_.size() < 2 ? kClearGap : kSlightGap);
+    find_centres(cloud, i);
     std::array<HeadMode, 2> pair{};
-    if (!heads.empty()) pair[0] = heads[0];
-    if (heads.size() > 1)
-      split(cloud, i, heads);
-    else if (!heads.empty() && length >= kOnePersonLength &&
+    if (!centres_.empty()) pair[0] = centres_[0];
+    if (centres_.size() > 1)
+      split(cloud, i, {centres_.data(), centres_.size()});
+    else if (!centres_.empty() && length >= kOnePersonLength &&
              find_child_beside(cloud, i, pair[0], pair[1]))
       split(cloud, i, pair);
-    else if (expected_.size() > 1 && all_settled_ && length >= kOnePersonLength)
-      split(cloud, i, {expected_.data(), expected_.size()});
+  }
+}
+
+// The heads of one hill: those that stand out, and those that are where a track expects its own;
+// among people who have long sat or stood together all who are expected.
+void Detector::find_centres(const FusedCloud& cloud, std::size_t index) {
+  const Part& part = parts_[index];
+  head_modes_.clear(static_cast<float>(part.mean_x()), static_cast<float>(part.mean_y()));
+  for (std::size_t k = 0; k < cloud.points.size(); ++k) {
+    if (!is_in(k, index)) continue;
+    const FusedPoint& p = cloud.points[k];
+    if (p.z > part.top - kHeadBand) head_modes_.add(p);
+    for (Expected& person : expected_)
+      if (std::abs(p.z - person.head_top + kHeadBelow) < kHeadReach &&
+          distance_between(p.x, p.y, person.x, person.y) < kHeadReach)
+        person.head_area_m2 += p.area_m2;
+  }
+  const auto heads = head_modes_.find(expected_.size() < 2 ? kClearGap : kSlightGap);
+  centres_.clear();
+  if (expected_.size() > std::max<std::size_t>(heads.size(), 1) && all_settled_ &&
+      part.length() >= kOnePersonLength) {
+    for (const Expected& person : expected_)
+      if (!centres_.try_push_back(person)) break;
+    return;
+  }
+  for (const HeadMode& head : heads)
+    if (!centres_.try_push_back(head)) break;
+  if (expected_.size() < 2) return;
+  for (const Expected& person : expected_) {
+    bool found = person.head_area_m2 < kExpectedHeadArea;
+    for (const HeadMode& centre : centres_)
+      found = found || distance_between(centre.x, centre.y, person.x, person.y) < kTogetherMax;
+    if (!found && !centres_.try_push_back(person)) break;
   }
 }
 
@@ -220,6 +258,44 @@ bool Detector::find_child_beside(const FusedCloud& cloud, std::size_t part, Head
     return false;
   child = {static_cast<float>(rest.mean_x()), static_cast<float>(rest.mean_y()), 0};
   return true;
+}
+
+// The feet of a helper touch the one on the floor. What is as low and lies where he is expected,
+// beyond the reach of the upright one's legs, is his.
+bool Detector::split_off_lying(const FusedCloud& cloud, std::size_t index,
+                               std::span<const PersonPrior> priors) {
+  const float top_x = parts_[index].top_x, top_y = parts_[index].top_y;
+  for (const PersonPrior& prior : priors) {
+    if (!prior.lying || parts_.size() + 2 > parts_.capacity()) continue;
+    const auto is_his = [&](std::size_t k) {
+      const FusedPoint& p = cloud.points[k];
+      return p.z < kLyingTop - 0.1F && is_in(k, index) &&
+             distance_between(p.x, p.y, prior.x, prior.y) < kLyingReach &&
+             distance_between(p.x, p.y, top_x, top_y) > kLegsReach;
+    };
+    Part body;
+    body.area = 1e-9;
+    for (std::size_t k = 0; k < cloud.points.size(); ++k)
+      if (is_his(k)) add_point(body, cloud.points[k]);
+    if (body.area < options_.area_min_m2 || body.length() < kLyingPartLength) continue;
+    const std::size_t first = parts_.size();
+    for (std::size_t side = 0; side < 2; ++side) {
+      Part fresh;
+      fresh.bottom = 1e9F;
+      fresh.area = 1e-9;
+      fresh.merged_into = static_cast<std::uint16_t>(first + side);
+      if (!parts_.try_push_back(fresh)) return false;
+    }
+    for (std::size_t k = 0; k < cloud.points.size(); ++k) {
+      if (!is_in(k, index)) continue;
+      const std::size_t side = is_his(k) ? 1 : 0;
+      part_labels_[k] = static_cast<std::uint16_t>(first + side);
+      add_point(parts_[first + side], cloud.points[k]);
+    }
+    parts_[index].area = 0;
+    return true;
+  }
+  return false;
 }
 
 bool Detector::is_in(std::size_t point, std::size_t part) const {
@@ -263,7 +339,9 @@ void Detector::expect_in(std::size_t part, std::span<const PersonPrior> priors) 
       apart =
           apart && distance_between(other.x, other.y, priors[i].x, priors[i].y) >= kExpectedApart;
     if (!apart) continue;
-    if (!expected_.try_push_back({priors[i].x, priors[i].y, places_[i].support_m2})) break;
+    const HeadMode place{priors[i].x, priors[i].y, places_[i].support_m2,
+                         priors[i].head_top + kHeadTopSlack};
+    if (!expected_.try_push_back({place, priors[i].head_top, 0})) break;
     all_settled_ = all_settled_ && priors[i].settled;
   }
 }
@@ -283,138 +361,18 @@ void Detector::split(const FusedCloud& cloud, std::size_t part, std::span<const 
     if (!is_in(k, part)) continue;
     const FusedPoint& p = cloud.points[k];
     std::size_t nearest = 0;
-    for (std::size_t head = 1; head < heads.size(); ++head)
-      if (distance_between(p.x, p.y, heads[head].x, heads[head].y) <
-          distance_between(p.x, p.y, heads[nearest].x, heads[nearest].y))
-        nearest = head;
+    double nearest_m = 1e9;
+    for (std::size_t head = 0; head < heads.size(); ++head) {
+      const double away = distance_between(p.x, p.y, heads[head].x, heads[head].y) +
+                          (p.z > heads[head].top ? kTooHigh : 0.0);
+      if (away >= nearest_m) continue;
+      nearest = head;
+      nearest_m = away;
+    }
     part_labels_[k] = static_cast<std::uint16_t>(first + nearest);
     add_point(parts_[first + nearest], p);
   }
   parts_[part].area = 0;
-}
-
-void Detector::measure(const FusedCloud& cloud) {
-  detections_.clear();
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    Part& part = parts_[i];
-    if (part.merged_into != i || part.area < options_.area_part_min_m2) continue;
-    Detection detection;
-    detection.top = part.top;
-    detection.bottom = part.bottom;
-    detection.area_m2 = static_cast<float>(part.area);
-    detection.points = part.points;
-    if (!detections_.try_push_back(detection)) break;
-    part.detection = static_cast<std::uint16_t>(detections_.size() - 1);
-  }
-  labels_.resize(cloud.points.size());
-  for (std::size_t i = 0; i < cloud.points.size(); ++i)
-    labels_[i] =
-        part_labels_[i] == kNoSegment ? kNoDetection : parts_[part_root(part_labels_[i])].detection;
-  measure_positions(cloud);
-  add_views(cloud);
-  judge();
-}
-
-void Detector::measure_positions(const FusedCloud& cloud) {
-  struct Sums {
-    double area = 0, x = 0, y = 0, sigma = 0;
-    double all = 0, ax = 0, ay = 0, xx = 0, xy = 0, yy = 0;
-  };
-  std::array<Sums, kPeopleMax> sums{};
-  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
-    if (labels_[i] == kNoDetection) continue;
-    const FusedPoint& p = cloud.points[i];
-    const Detection& detection = detections_[labels_[i]];
-    Sums& s = sums[labels_[i]];
-    const double x = p.x + kSurfaceToCentre * p.away_x;
-    const double y = p.y + kSurfaceToCentre * p.away_y;
-    s.all += p.area_m2;
-    s.ax += p.area_m2 * x;
-    s.ay += p.area_m2 * y;
-    s.xx += p.area_m2 * x * x;
-    s.xy += p.area_m2 * x * y;
-    s.yy += p.area_m2 * y * y;
-    if (p.z < detection.top - kTorsoDepth) continue;
-    s.area += p.area_m2;
-    s.x += p.area_m2 * x;
-    s.y += p.area_m2 * y;
-    s.sigma += p.area_m2 * p.sigma;
-  }
-  for (std::size_t i = 0; i < detections_.size(); ++i) {
-    Detection& detection = detections_[i];
-    const Sums& s = sums[i];
-    const double area = std::max(s.area, 1e-9);
-    detection.x = static_cast<float>(s.x / area);
-    detection.y = static_cast<float>(s.y / area);
-    detection.sigma = static_cast<float>(0.04 + 0.5 * s.sigma / area);
-    const double mx = s.ax / s.all;
-    const double my = s.ay / s.all;
-    const double xx = std::max(0.0, s.xx / s.all - mx * mx);
-    const double yy = std::max(0.0, s.yy / s.all - my * my);
-    const double xy = s.xy / s.all - mx * my;
-    const double half = 0.5 * (xx + yy);
-    const double root = std::sqrt(square(0.5 * (xx - yy)) + xy * xy);
-    // sqrt(12): the extent of a uniform distribution with that variance.
-    detection.length = static_cast<float>(std::sqrt(12 * (half + root)));
-    detection.width = static_cast<float>(std::sqrt(12 * std::max(0.0, half - root)));
-  }
-}
-
-void Detector::add_views(const FusedCloud& cloud) {
-  for (const Contribution& c : cloud.contributions) {
-    if (labels_[c.point] == kNoDetection) continue;
-    Detection& detection = detections_[labels_[c.point]];
-    ViewAttributes* view = nullptr;
-    for (ViewAttributes& candidate : detection.views)
-      if (candidate.sensor_index == c.sensor) view = &candidate;
-    if (view == nullptr) {
-      ViewAttributes fresh;
-      fresh.sensor_index = c.sensor;
-      fresh.image_box = {c.u, c.v, c.u, c.v};
-      detection.views.push_back(fresh);
-      view = &detection.views.back();
-    }
-    Detection::Cut& cut = detection.cuts[static_cast<std::size_t>(view - detection.views.begin())];
-    if ((c.borders & kTop) != 0) cut.top += c.pixels;
-    if ((c.borders & (kLeft | kRight)) != 0) cut.side += c.pixels;
-    view->pixels += c.pixels;
-    view->image_box[0] = std::min<int>(view->image_box[0], c.u);
-    view->image_box[1] = std::min<int>(view->image_box[1], c.v);
-    view->image_box[2] = std::max<int>(view->image_box[2], c.u);
-    view->image_box[3] = std::max<int>(view->image_box[3], c.v);
-    view->distance += c.depth * static_cast<float>(c.pixels);
-  }
-  for (Detection& detection : detections_)
-    for (ViewAttributes& view : detection.views)
-      view.distance /= static_cast<float>(std::max(1U, view.pixels));
-}
-
-void Detector::judge() {
-  for (Detection& detection : detections_) {
-    // Cut only when no view shows the whole.
-    detection.cut_top = detection.cut_side = !detection.views.empty();
-    for (std::size_t i = 0; i < detection.views.size(); ++i) {
-      detection.cut_top = detection.cut_top && detection.cuts[i].top >= kCutPixels;
-      detection.cut_side = detection.cut_side && detection.cuts[i].side >= kCutPixels;
-    }
-    const float tall = detection.top - detection.bottom;
-    const bool solid = detection.area_m2 >= options_.solid_min * tall * detection.length;
-    const bool upright = detection.top >= options_.standing_min_m &&
-                         detection.area_m2 >= options_.area_min_m2 && tall >= 0.3F && solid;
-    const bool slim =
-        detection.top >= options_.child_max_m ||
-        (detection.length <= options_.child_length_max_m &&
-         detection.width <= options_.child_width_max_m && tall >= options_.child_tall_min_m &&
-         detection.bottom <= options_.child_bottom_max_m &&
-         detection.area_m2 >= options_.child_area_min_m2);
-    const bool lying = detection.top < options_.standing_min_m &&
-                       detection.area_m2 >= options_.lying_area_min_m2 &&
-                       detection.length >= options_.lying_length_min_m;
-    detection.like_a_thing = upright && !slim &&
-                             (detection.length > options_.child_length_max_m ||
-                              detection.width > options_.child_width_max_m);
-    detection.stands_alone = (upright && slim) || lying;
-  }
 }
 
 }  // namespace wagonsight

@@ -14,13 +14,16 @@
 namespace wagonsight {
 
 inline constexpr std::uint16_t kNoDetection = UINT16_MAX;
+// People whose outlines can be one: a crowd before a door.
+inline constexpr std::size_t kTogetherCount = 16;
 
 // Where a track expects a person at this instant: it decides in doubt whether what stands close
 // together is one or two.
 struct PersonPrior {
   float x = 0, y = 0;
-  float height = 0;      // highest seen, metres
+  float head_top = 0;    // of the last sight, metres
   bool settled = false;  // well known and hardly moving: sits or stands
+  bool lying = false;
 };
 
 // Something that is a person by itself, or may be the part of one that a track expects. World
@@ -92,10 +95,14 @@ class Detector {
   void gather_parts(const FusedCloud& cloud);
   void merge_parts(std::span<const PersonPrior> priors);
   bool same_person(const Part& high, const Part& low, std::span<const PersonPrior> priors) const;
+  bool lies_there(const Part& low, std::span<const PersonPrior> priors) const;
   void merge(std::size_t low, std::size_t high);
   void split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void expect_in(std::size_t part, std::span<const PersonPrior> priors);
+  void find_centres(const FusedCloud& cloud, std::size_t part);
+  bool split_off_lying(const FusedCloud& cloud, std::size_t part,
+                       std::span<const PersonPrior> priors);
   bool is_in(std::size_t point, std::size_t part) const;
   bool find_child_beside(const FusedCloud& cloud, std::size_t part, HeadMode& adult,
                          HeadMode& child) const;
@@ -103,6 +110,7 @@ class Detector {
   void add_point(Part& part, const FusedPoint& p) const;
   void measure(const FusedCloud& cloud);
   void measure_positions(const FusedCloud& cloud);
+  void find_lying_torso(const FusedCloud& cloud, std::uint16_t index);
   void add_views(const FusedCloud& cloud);
   void judge();
   std::uint16_t part_root(std::uint16_t part) const;
@@ -115,8 +123,13 @@ class Detector {
     float support_m2 = 0;
   };
   FixedVector<Place, kTracksMax> places_;  // by prior
-  FixedVector<HeadMode, 6> expected_;      // places of tracks within the part at hand
-  bool all_settled_ = false;               // and whether all of them hardly move
+  struct Expected : HeadMode {
+    float head_top = 0;
+    float head_area_m2 = 0;  // of surface where its head is expected
+  };
+  FixedVector<Expected, kTogetherCount> expected_;     // tracks within the part at hand
+  bool all_settled_ = false;                           // and whether all of them hardly move
+  FixedVector<HeadMode, 2 * kTogetherCount> centres_;  // of the people in the part at hand
   BoundedVector<Part> parts_;
   BoundedVector<std::uint16_t> part_labels_;  // by point
   BoundedVector<std::uint16_t> labels_;       // by point

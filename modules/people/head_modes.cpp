@@ -63,7 +63,7 @@ float HeadModes::density_between(const HeadMode& a, const HeadMode& b) const {
 
 std::span<const HeadMode> HeadModes::find(float gap) {
   smooth();
-  FixedVector<HeadMode, 64> maxima;
+  FixedVector<HeadMode, 128> maxima;
   for (int row = 0; row < kSide; ++row)
     for (int column = 0; column < kSide; ++column) {
       const float here = at(column, row);

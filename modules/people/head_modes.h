@@ -11,6 +11,7 @@ namespace wagonsight {
 struct HeadMode {  // a place where surface of the uppermost band is densest
   float x = 0, y = 0;
   float weight = 0;
+  float top = 9;  // nothing higher belongs to it, metres
 };
 
 // Tells heads apart that noise has blurred into one hill: a density of the points of the uppermost
@@ -18,7 +19,7 @@ struct HeadMode {  // a place where surface of the uppermost band is densest
 // the width of a head. Fixed memory.
 class HeadModes {
  public:
-  // Starts a patch of 1.3 m around a place, world frame, metres.
+  // Starts a patch of 2.5 m around a place, world frame, metres.
   void clear(float centre_x, float centre_y);
   void add(const FusedPoint& point);
   // The places of the heads, densest first: maxima with a third of the highest density at least,
@@ -26,7 +27,7 @@ class HeadModes {
   std::span<const HeadMode> find(float gap);
 
  private:
-  static constexpr int kSide = 32;
+  static constexpr int kSide = 64;
   static constexpr float kCell = 0.04F;  // metres
   using Grid = std::array<float, static_cast<std::size_t>(kSide) * kSide>;
 
@@ -36,7 +37,7 @@ class HeadModes {
 
   float min_x_ = 0, min_y_ = 0;
   Grid density_{}, scratch_{};
-  FixedVector<HeadMode, 6> modes_;
+  FixedVector<HeadMode, 16> modes_;
 };
 
 }  // namespace wagonsight

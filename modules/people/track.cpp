@@ -13,6 +13,7 @@ constexpr double kCostUnit = 0.35;
 constexpr float kAloneCost = 30.0F;   // the widest gate squared in that unit, and what is added
 constexpr double kHeightUnit = 0.15;  // metres of difference in height that count like one unit
 constexpr double kRestingCostUnit = 0.25;
+constexpr double kJustSeen = 0.3;       // seconds
 constexpr double kSameEnough = 0.15;    // two tracks nearer than this follow one person
 constexpr double kWellKnown = 2.0;      // seconds
 constexpr double kPartReach = 0.5;      // metres
@@ -21,14 +22,25 @@ constexpr double kHeadless = 0.25;      // metres lower than before, in part of 
 constexpr double kSettledSpeed = 0.25;  // m/s; below is swaying and noise
 // Seen surface of two frames, in units of 0.25 square metres and at most one each.
 constexpr double kEvidenceAtOnce = 1.2;
-// Metres: who stands in a doorway is inside when the torso's centre is; one who leans on a wall has
-// more than that of body between.
+// Metres: one who leans on a wall has more than that of body between.
 constexpr double kThreshold = 0.10;
-constexpr double kThingHold = 0.7;     // seconds until a thing is known for one
-constexpr double kPartsOnly = 6.0;     // seconds without the sight of a whole person
-constexpr double kThingTaller = 0.35;  // metres: who bends down is taller upright
-constexpr double kPostureHold = 0.3;   // seconds a posture must last
-constexpr double kSeatReach = 0.55;    // metres from a seat's centre to its sitter's torso
+// Of a body in a doorway only what is inside is seen; its middle seems farther inside than it is.
+constexpr double kDoorstep = 0.06;
+constexpr double kComesBack = 0.30;
+constexpr double kDoorway = 0.30;      // who is lost sight of here has left
+constexpr double kChildInside = 0.08;  // metres from the threshold to a child's back
+constexpr float kChildTop = 1.15F;
+constexpr double kThingHold = 0.5;            // seconds until a thing is known for one
+constexpr float kThingArea = 0.25F;           // square metres of a pram's side
+constexpr double kThingSure = 2.0;            // and that it takes at most half of to know better
+constexpr double kSettledAcceleration = 0.4;  // m/s^1.5
+constexpr double kSettles = 2.0;              // seconds at one place
+constexpr double kSettledReach = 0.30;        // metres that a sitter leans
+constexpr double kAnchorFollows = 3.0;        // seconds
+constexpr double kPartsOnly = 6.0;            // seconds without the sight of a whole person
+constexpr double kThingTaller = 0.35;         // metres: who bends down is taller upright
+constexpr double kPostureHold = 0.3;          // seconds a posture must last
+constexpr double kSeatReach = 0.55;           // metres from a seat's centre to its sitter's torso
 
 double distance(const std::array<double, 2>& a, const std::array<double, 2>& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1]);
@@ -51,15 +63,15 @@ std::span<const PersonPrior> Tracker::predict(double now_s) {
   now_s_ = now_s;
   priors_.clear();
   for (Track& track : tracks_) {
-    track.motion.predict(dt_s_, options_.acceleration);
+    track.motion.predict(dt_s_, track.settled ? kSettledAcceleration : options_.acceleration);
     if (track.state == TrackState::kHidden)
       track.motion.slow_down(dt_s_, rests(track) ? 0.05 : 1.0);
     track.person.position = {track.motion.position().x(), track.motion.position().y()};
-    if (track.state != TrackState::kFollowed && !track.told) continue;
-    const PersonPrior prior{
-        static_cast<float>(track.person.position[0]), static_cast<float>(track.person.position[1]),
-        static_cast<float>(track.person.height),
-        now_s_ - track.person.since > kWellKnown && track.motion.velocity().norm() < kSettledSpeed};
+    if ((track.state != TrackState::kFollowed && !track.told) || track.thing) continue;
+    const auto& place = track.settled ? track.anchor : track.person.position;
+    const PersonPrior prior{static_cast<float>(place[0]), static_cast<float>(place[1]),
+                            static_cast<float>(track.head_top), track.settled,
+                            track.person.posture == Posture::kLying};
     if (!priors_.try_push_back(prior)) break;
   }
   return priors_.span();
@@ -86,14 +98,17 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   const double gate =
       std::clamp(3 * spread + 2 * detection.sigma, options_.gate_min_m, options_.gate_max_m);
   if (away > gate) return kImpossible;
-  if (!detection.stands_alone && track.state != TrackState::kFollowed && !track.told &&
-      !(track.state == TrackState::kHidden && rests(track)))
+  const bool same_thing = track.thing && detection.like_a_thing;
+  if (!detection.stands_alone && !same_thing && track.state != TrackState::kFollowed &&
+      !track.told && !(track.state == TrackState::kHidden && rests(track)))
     return kImpossible;
   // A part of a body is only taken for somebody's where he is.
   if (!detection.stands_alone &&
       (away > kPartReach || detection.top < kPartTopShare * track.head_top))
     return kImpossible;
-  if (detection.like_a_thing && !near_seat(track) &&
+  // Who was lost sight of does not live on in a pram; who bends down or falls in sight does.
+  const bool just_seen = now_s_ - track.person.last_seen < kJustSeen;
+  if (detection.like_a_thing && !near_seat(track) && !(just_seen && away < kCostUnit) &&
       track.person.height > detection.top + kThingTaller)
     return kImpossible;
   // Who rests stays where he is; others come to him.
@@ -102,7 +117,8 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   double cost = (away / unit) * (away / unit);
   if (!detection.cut_top) {
     const double taller = (detection.top - track.head_top) / kHeightUnit;
-    cost += std::min(4.0, taller * taller);
+    // Nobody grows or shrinks from one frame to the next; in hiding one may sit down.
+    cost += std::min(detection.stands_alone && just_seen ? 12.0 : 4.0, taller * taller);
   }
   if (!detection.stands_alone) cost += 1;
   if (track.state == TrackState::kTentative) cost += 1;
@@ -129,7 +145,10 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   // A body that goes on beyond the image border has its centre there, too.
   // Neither do legs alone tell where the torso is.
   const bool headless = !detection.stands_alone && detection.top < track.head_top - kHeadless;
-  const double sigma = detection.sigma + (detection.cut_side ? 0.1 : 0.0) + (headless ? 0.3 : 0.0);
+  // Nor does a part of a sitter tell where he is better than where he long was.
+  const bool part_of_settled = track.settled && !detection.stands_alone;
+  const double sigma = detection.sigma + (detection.cut_side ? 0.1 : 0.0) + (headless ? 0.3 : 0.0) +
+                       (part_of_settled ? 0.1 : 0.0);
   track.motion.correct({detection.x, detection.y}, sigma);
   ++track.hits;
   if (detection.stands_alone || track.hits == 1) track.whole_s = now_s_;
@@ -140,25 +159,87 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   track.cut_side = detection.cut_side;
   measure_height(track, detection);
   judge_posture(track, detection);
-  // What was never seen taller and is too long for a child is a thing that came with somebody.
-  const bool thing = detection.like_a_thing && !near_seat(track) &&
-                     track.person.height < detection.top + kThingTaller;
-  track.thing_s = thing ? track.thing_s + dt_s_ : std::max(0.0, track.thing_s - dt_s_);
-  if (track.state == TrackState::kTentative) {
-    const bool long_enough = now_s_ - track.person.since >= options_.confirm_s - 1e-6;
-    if (track.hits >= options_.confirm_hits && (long_enough || track.evidence >= kEvidenceAtOnce))
-      follow(track);
-  } else {
+  judge_thing(track, detection);
+  if (track.state == TrackState::kTentative)
+    confirm(track, detection);
+  else
     track.state = TrackState::kFollowed;
-  }
-  track.told = track.state == TrackState::kFollowed &&
-               depth_inside(track.motion.position().x(), track.motion.position().y()) > 0;
+  settle(track, detection);
+  track.told = track.state == TrackState::kFollowed && !track.thing && is_inside(track);
   tell(track, shape, detection);
+}
+
+void Tracker::confirm(Track& track, const Detection& detection) {
+  const bool long_enough = now_s_ - track.person.since >= options_.confirm_s - 1e-6;
+  if (track.hits < options_.confirm_hits || !(long_enough || track.evidence >= kEvidenceAtOnce)) return;
+  // Of something low in a doorway only the front is seen yet: a child or a pram.
+  const DepthInside depth = depth_inside(wagon_, track.person.position);
+  if (depth.door >= 0 && detection.top < kChildTop &&
+      depth.m < kChildInside + 0.5 * detection.length)
+    return;
+  // People come by the doors; what else turns up is the part of somebody rather.
+  if (depth.door < 0 && !wagon_.doors.empty() &&
+      now_s_ - track.person.since < options_.confirm_far_from_doors_s)
+    return;
+  track.thing = track.thing || detection.like_a_thing;
+  follow(track);
 }
 
 void Tracker::follow(Track& track) {
   track.state = TrackState::kFollowed;
   track.person.id = next_id_++;
+}
+
+// What was never seen taller and is too long for a child is a thing that came with somebody.
+void Tracker::judge_thing(Track& track, const Detection& detection) const {
+  const bool looks = detection.like_a_thing && !near_seat(track) &&
+                     track.person.height < detection.top + kThingTaller;
+  if (looks)
+    track.thing_s = std::min(track.thing_s + dt_s_, kThingSure);
+  else if (detection.stands_alone)
+    track.thing_s = std::max(0.0, track.thing_s - 0.5 * dt_s_);
+  if (detection.stands_alone && detection.top >= kChildTop) track.thing_s = 0;
+  if (track.thing_s > kThingHold) track.thing = true;
+  if (track.thing_s <= 0 || track.person.height > detection.top + kThingTaller) track.thing = false;
+}
+
+// Who stays at a place for long is expected there, whatever becomes of his outline when neighbours
+// lean over or walk past; he leaves it as a whole.
+void Tracker::settle(Track& track, const Detection& detection) const {
+  const auto position = track.motion.position();
+  const double away = std::hypot(position.x() - track.anchor[0], position.y() - track.anchor[1]);
+  if (track.settled) {
+    const bool rises = track.person.posture == Posture::kLying && detection.top > kChildTop - 0.35F;
+    if (rises || (away > kSettledReach && detection.stands_alone)) {
+      track.settled = false;
+      track.still_since = now_s_;
+    } else {
+      const double share = std::min(1.0, dt_s_ / kAnchorFollows);
+      track.anchor[0] += share * (position.x() - track.anchor[0]);
+      track.anchor[1] += share * (position.y() - track.anchor[1]);
+    }
+    return;
+  }
+  if (track.motion.velocity().norm() > kSettledSpeed) track.still_since = now_s_;
+  if (now_s_ - track.still_since < kSettles) return;
+  track.settled = true;
+  track.anchor = {position.x(), position.y()};
+}
+
+// Who went out by a door comes back only when clearly inside: a leaf that closes behind is nobody.
+bool Tracker::is_inside(Track& track) const {
+  const auto position = track.motion.position();
+  const DepthInside depth = depth_inside(wagon_, {position.x(), position.y()});
+  if (depth.door < 0) {
+    track.came_in = true;
+    return depth.m > 0;
+  }
+  if (depth.m > kComesBack) {
+    track.came_in = true;
+    track.went_out = false;
+  }
+  if (track.came_in && depth.m <= kDoorstep) track.went_out = true;
+  return !track.went_out && depth.m > kDoorstep;
 }
 
 void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
@@ -185,7 +266,8 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
     return;
   }
   track.free_since = -1;
-  if (depth_inside(position.x(), position.y()) < kThreshold) {
+  const DepthInside depth = depth_inside(wagon_, {position.x(), position.y()});
+  if (depth.m < kThreshold || (depth.door >= 0 && depth.m < kDoorway && !track.settled)) {
     track.told = false;
     return;
   }
@@ -216,11 +298,11 @@ void Tracker::drop_ended() {
     const bool gone = track.free_since >= 0 && now_s_ - track.free_since > options_.gone_s &&
                       unseen_s > options_.coast_walking_s;
     // Parts alone are not believed in for ever, except on a seat, where parts are all one sees.
-    const bool thing = track.thing_s > kThingHold ||
-                       (track.detection != kNoDetection && now_s_ - track.whole_s > kPartsOnly &&
-                        !near_seat(track) && track.person.posture != Posture::kLying);
+    const bool parts_only =
+        !track.thing && (track.detection != kNoDetection && now_s_ - track.whole_s > kPartsOnly &&
+                         !near_seat(track) && track.person.posture != Posture::kLying);
     const bool forgotten = !track.told && unseen_s > options_.remember_s;
-    if (missed || gone || forgotten || thing) continue;
+    if (missed || gone || forgotten || parts_only) continue;
     if (kept != i) tracks_[kept] = tracks_[i];
     ++kept;
   }
@@ -240,8 +322,10 @@ void Tracker::drop_doubles() {
 
 void Tracker::begin(std::span<const Detection> detections, std::span<const BodyShape> shapes) {
   for (std::size_t i = 0; i < detections.size(); ++i) {
-    if (taken_[i] != 0 || !detections[i].stands_alone) continue;
-    if (depth_inside(detections[i].x, detections[i].y) < kThreshold) continue;
+    const bool thing = detections[i].like_a_thing && detections[i].area_m2 >= kThingArea;
+    if (taken_[i] != 0 || !(detections[i].stands_alone || thing)) continue;
+    const DepthInside depth = depth_inside(wagon_, {detections[i].x, detections[i].y});
+    if (depth.door < 0 && depth.m < kThreshold) continue;
     Track track;
     track.motion = MotionFilter({detections[i].x, detections[i].y}, detections[i].sigma);
     track.person.since = now_s_;
@@ -250,6 +334,9 @@ void Tracker::begin(std::span<const Detection> detections, std::span<const BodyS
     track.evidence = std::min(1.0, detections[i].area_m2 / 0.25);
     track.head_top = detections[i].top;
     track.person.height = detections[i].top;
+    track.still_since = now_s_;
+    track.thing = thing;
+    track.thing_s = thing ? kThingHold : 0;
     track.last_tops = {detections[i].top, detections[i].top};
     track.posture_since = now_s_;
     track.whole_s = now_s_;
@@ -284,11 +371,6 @@ void Tracker::measure_height(Track& track, const Detection& detection) const {
 bool Tracker::rests(const Track& track) const {
   return track.person.posture == Posture::kSitting || track.person.posture == Posture::kLying ||
          track.posture_seen == Posture::kSitting || track.motion.velocity().norm() < kSettledSpeed;
-}
-
-double Tracker::depth_inside(double x, double y) const {
-  return std::min({x - wagon_.inside.min.x(), wagon_.inside.max.x() - x, y - wagon_.inside.min.y(),
-                   wagon_.inside.max.y() - y});
 }
 
 bool Tracker::near_seat(const Track& track) const {

@@ -29,8 +29,9 @@ struct TrackOptions {
   double acceleration = 1.6;  // m/s^1.5: people start and stop walking within a second
   double gate_min_m = 0.7;    // a step between two frames at 2.5 Hz, whatever rate was stated
   double gate_max_m = 1.6;
-  double confirm_s = 0.12;          // and two frames; at once less with twice a full body in view
-  std::uint32_t confirm_hits = 2;   // frames; 1: whoever is detected is told at once
+  double confirm_s = 0.12;  // and two frames; at once less with twice a full body in view
+  std::uint32_t confirm_hits = 2;  // frames; 1: whoever is detected is told at once
+  double confirm_far_from_doors_s = 0.5;
   double coast_walking_s = 1.5;     // told while behind something and walking
   double coast_standing_s = 10.0;   // and while standing
   double coast_sitting_s = 60.0;    // and while sitting or lying: nobody rises unseen
@@ -45,13 +46,19 @@ struct Track {
   Person person;  // id is 0 until confirmed
   double evidence = 0;
   std::uint32_t hits = 0;
-  double free_since = -1;            // the place was seen to be empty since then; -1: it was not
-  bool told = false;                 // part of what is reported at this instant
-  double head_top = 0;               // highest point at last sight
-  double thing_s = 0;                // for how long it has looked like a thing
-  double whole_s = 0;                // when enough for a person by itself was seen last
-  std::array<float, 2> last_tops{};  // of the two sights before this one
-  bool cut_side = false;             // at an image border at last sight
+  double free_since = -1;  // the place was seen to be empty since then; -1: it was not
+  bool told = false;       // part of what is reported at this instant
+  double head_top = 0;     // highest point at last sight
+  double thing_s = 0;      // for how long it has looked like a thing
+  bool thing = false;      // a pram or the like: followed, but told to nobody
+  bool came_in = false;    // was seen clearly inside
+  bool went_out = false;   // then left by a door, and has not come back in
+  bool settled = false;    // has long sat or stood at `anchor`
+  std::array<double, 2> anchor{};
+  double still_since = 0;                    // for how long it has hardly moved
+  double whole_s = 0;                        // when enough for a person by itself was seen last
+  std::array<float, 2> last_tops{};          // of the two sights before this one
+  bool cut_side = false;                     // at an image border at last sight
   Posture posture_seen = Posture::kUnknown;  // by the last sight alone
   double posture_since = 0;
   std::uint16_t detection = kNoDetection;  // at this instant
@@ -82,9 +89,12 @@ class Tracker {
   void drop_doubles();
   void measure_height(Track& track, const Detection& detection) const;
   void judge_posture(Track& track, const Detection& detection) const;
+  void confirm(Track& track, const Detection& detection);
+  void judge_thing(Track& track, const Detection& detection) const;
+  void settle(Track& track, const Detection& detection) const;
+  bool is_inside(Track& track) const;
   bool near_seat(const Track& track) const;
   bool rests(const Track& track) const;
-  double depth_inside(double x, double y) const;  // metres to the nearest end of the inside
   void tell(Track& track, const BodyShape& shape, const Detection& detection) const;
 
   Wagon wagon_;

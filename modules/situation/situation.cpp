@@ -11,6 +11,9 @@ constexpr double kStoryMemory = 2.0;   // seconds without the person until a sto
 constexpr double kSeatReach = 0.45;    // metres from a seat's centre to its sitter's torso
 constexpr double kSeatObserved = 0.3;  // its back and its neighbours always hide a part
 constexpr double kSitterTop = 1.5;     // metres: higher is standing in front of the seat
+// Shares of somebody's height: upright, and on the floor or nearly.
+constexpr double kHighShare = 0.85, kLowShare = 0.45;
+constexpr double kSeenNow = 1e-3;                // seconds
 constexpr double kAirLow = 0.5, kAirHigh = 1.7;  // metres above the floor: what a person fills
 
 double distance(const std::array<double, 2>& a, const std::array<double, 2>& b) {
@@ -104,16 +107,7 @@ void Situation::follow(const Person& person, Story& story, double now_s) {
     story.rest_position = person.position;
     story.rest_since_s = now_s;
   }
-  if (person.posture == Posture::kLying) {
-    if (story.lying_since_s < 0) {
-      story.lying_since_s = now_s;
-      story.fell = story.upright_until_s >= 0 && now_s - story.upright_until_s <= options_.fall_s;
-    }
-  } else {
-    story.lying_since_s = -1;
-    story.fell = false;
-    if (person.posture == Posture::kStanding) story.upright_until_s = now_s;
-  }
+  follow_fall(person, story, now_s);
   const bool fast = std::hypot(person.velocity[0], person.velocity[1]) > options_.running_speed;
   if (!fast) story.running_since_s = -1;
   if (fast && story.running_since_s < 0) story.running_since_s = now_s;
@@ -125,6 +119,35 @@ void Situation::follow(const Person& person, Story& story, double now_s) {
     story.came_by = -1;
     story.was_inside = true;
   }
+}
+
+// Who falls is down within a second; who lies down takes his time, and ends the same way. Of one
+// who was out of sight in between only the whole is known.
+void Situation::follow_fall(const Person& person, Story& story, double now_s) const {
+  const double top = person.box.center[2] + 0.5 * person.box.size[2];
+  const bool seen = person.last_seen >= now_s - kSeenNow;
+  story.tallest = std::max({story.tallest, person.height, top});
+  if (seen && top > kHighShare * story.tallest) {
+    story.high_until_s = now_s;
+    story.low_since_s = -1;
+  } else if (seen && top < kLowShare * story.tallest && story.low_since_s < 0) {
+    story.low_since_s = now_s;
+  }
+  story.unseen_s = seen ? story.unseen_s : now_s;
+  if (person.posture != Posture::kLying) {
+    story.lying_since_s = -1;
+    story.fell = false;
+    if (person.posture == Posture::kStanding) story.upright_until_s = now_s;
+    return;
+  }
+  if (story.lying_since_s >= 0) return;
+  story.lying_since_s = now_s;
+  const double low_since_s = story.low_since_s < 0 ? now_s : story.low_since_s;
+  const bool watched = story.unseen_s < story.high_until_s;
+  const bool dropped =
+      low_since_s - story.high_until_s <= (watched ? options_.drop_s : options_.fall_s);
+  story.fell = dropped && story.high_until_s >= 0 && story.upright_until_s >= 0 &&
+               now_s - story.upright_until_s <= options_.fall_s;
 }
 
 // Alighted is who was inside and was last seen in a doorway.

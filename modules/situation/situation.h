@@ -13,7 +13,8 @@
 namespace wagonsight {
 
 struct SituationOptions {
-  double fall_s = 2.5;               // from standing to lying; lying down takes longer
+  double fall_s = 2.5;  // from standing to lying, whatever was seen between
+  double drop_s = 1.0;  // from upright to the floor in sight; who lies down takes longer
   double motionless_lying_s = 15.0;  // no movement while lying
   double motionless_s = 1800.0;      // or in any other posture
   double motionless_m = 0.25;        // smaller movements are noise
@@ -31,6 +32,10 @@ struct Story {
   std::array<double, 2> rest_position{};  // and since when it was not left
   double rest_since_s = 0;
   double upright_until_s = -1;
+  double tallest = 0;        // metres
+  double high_until_s = -1;  // its top was where it is when standing
+  double low_since_s = -1;   // and then below half of that
+  double unseen_s = -1;      // when it was last told without being seen
   double lying_since_s = -1;
   bool fell = false;
   double running_since_s = -1;
@@ -51,6 +56,7 @@ class Situation {
  private:
   Story& story_of(const Person& person, double now_s);
   void follow(const Person& person, Story& story, double now_s);
+  void follow_fall(const Person& person, Story& story, double now_s) const;
   void end_stories(double now_s);
   int door_near(const std::array<double, 2>& position) const;
 

@@ -51,4 +51,12 @@ struct Wagon {
 // Even-odd rule; a point on the boundary may count either way.
 bool contains(const Zone& zone, const std::array<double, 2>& position);
 
+// How far inside a place on the floor is: metres to the nearest side, negative beyond it. In a
+// doorway the side is the door's threshold, which is where people come in and go out.
+struct DepthInside {
+  double m = 0;
+  int door = -1;  // index of the door in whose way the place lies, -1: none
+};
+DepthInside depth_inside(const Wagon& wagon, const std::array<double, 2>& position);
+
 }  // namespace wagonsight

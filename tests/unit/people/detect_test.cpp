@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
+#include <array>
+
 #include "support/body_cloud.h"
 
 namespace wagonsight {
@@ -87,6 +89,57 @@ TEST(Detector, FindsSomebodyWhoLies) {
   ASSERT_EQ(found.size(), 1U);
   EXPECT_LT(found[0].top, 0.3F);
   EXPECT_GT(found[0].length, 1.2F);
+}
+
+TEST(Detector, JoinsHeadAndLegsOfOneWhoLiesPartlyHidden) {
+  FusedCloud cloud;
+  add_column(cloud, 3.0, 1.7, 0.0, 0.30, 0.30, 0.22, {});   // torso and head
+  add_column(cloud, 3.0, 2.55, 0.0, 0.22, 0.30, 0.12, {});  // legs behind a seat's edge
+  const auto found = people_in(cloud);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_GT(found[0].length, 0.9F);
+  EXPECT_NEAR(found[0].y, 1.7, 0.12);  // the torso, not the middle of the body
+}
+
+TEST(Detector, KeepsOneWhoLiesApartFromAHelperWhenHeIsExpectedThere) {
+  FusedCloud cloud;
+  add_column(cloud, 3.0, 2.0, 0.0, 0.30, 0.75, 0.22, {});
+  add_person(cloud, 3.42, 1.9, 1.75);
+  PersonPrior lying{3.0F, 2.0F, 1.75F, true, true};
+  Detector detector(testing::room());
+  bool on_the_floor = false, upright = false;
+  for (const Detection& detection : detector.detect(cloud, {&lying, 1})) {
+    on_the_floor = on_the_floor || (detection.top < 0.4F && detection.length > 0.8F);
+    upright = upright || detection.top > 1.7F;
+  }
+  EXPECT_TRUE(on_the_floor);
+  EXPECT_TRUE(upright);
+}
+
+TEST(Detector, IsNotPulledForwardByTheLapOfASittingChild) {
+  FusedCloud cloud;
+  add_column(cloud, 3.0, 2.0, 0.75, 0.95, 0.08, 0.08, {});
+  add_column(cloud, 3.0, 2.0, 0.42, 0.72, 0.15, 0.10, {});
+  add_column(cloud, 3.3, 2.0, 0.30, 0.44, 0.12, 0.22, {});  // thighs
+  Detector detector(testing::room());
+  const auto found = detector.detect(cloud, {});
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].x, 3.0, 0.04);
+  EXPECT_NEAR(found[0].y, 2.0, 0.03);
+}
+
+TEST(Detector, KeepsAChildApartWhoseHeadATrackExpectsBelowAnAdultsShoulder) {
+  FusedCloud cloud;
+  add_person(cloud, 2.0, 1.0, 1.80);
+  add_person(cloud, 2.0, 1.36, 1.20);
+  const std::array<PersonPrior, 2> priors{PersonPrior{2.0F, 1.0F, 1.80F, false, false},
+                                          PersonPrior{2.0F, 1.36F, 1.20F, false, false}};
+  Detector detector(testing::room());
+  const auto found = detector.detect(cloud, priors);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_NEAR(found[0].y, 1.0, 0.08);
+  EXPECT_NEAR(found[1].y, 1.36, 0.08);
+  EXPECT_LT(found[1].top, 1.3F);
 }
 
 TEST(Detector, LabelsEveryPointOfAPersonWithIt) {

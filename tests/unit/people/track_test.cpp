@@ -14,6 +14,7 @@ class Stage {
  public:
   explicit Stage(double rate_hz) : rate_hz_(rate_hz) {
     wagon_.inside = testing::room();
+    wagon_.doors.push_back({Name("south"), {2.0, 0.0}, {4.0, 0.0}});
     tracker_ = std::make_unique<Tracker>(wagon_);
     visibility_ = std::make_unique<VisibilityGrid>(Rig{}, wagon_.inside);
     detector_ = std::make_unique<Detector>(wagon_.inside);
@@ -23,8 +24,14 @@ class Stage {
     double x, y, height;
   };
   void step(std::initializer_list<Stand> people) {
+    step(people, [](FusedCloud&) {});
+  }
+  // `furnish` adds what else is seen.
+  template <class Furnish>
+  void step(std::initializer_list<Stand> people, Furnish&& furnish) {
     cloud_.points.clear();
     cloud_.contributions.clear();
+    furnish(cloud_);
     for (const Stand& stand : people) testing::add_person(cloud_, stand.x, stand.y, stand.height);
     const auto priors = tracker_->predict(frame_++ / rate_hz_);
     const auto found = detector_->detect(cloud_, priors);
@@ -116,6 +123,101 @@ TEST(Tracker, KeepsTheHeightOfOneWhoSitsDown) {
   ASSERT_EQ(stage.told().size(), 1U);
   EXPECT_NEAR(stage.told()[0].height, 1.80, 0.06);
   EXPECT_EQ(stage.told()[0].posture, Posture::kSitting);
+}
+
+TEST(Tracker, TellsWhoComesInByADoorFromTheThresholdOn) {
+  Stage stage(30);
+  double first_told = -9;
+  for (int i = 0; i < 60; ++i) {
+    const double y = -0.5 + i / 30.0;
+    stage.step({{3.0, y, 1.75}});
+    if (first_told < -1 && !stage.told().empty()) first_told = y;
+  }
+  EXPECT_NEAR(first_told, 0.0, 0.1);
+  ASSERT_EQ(stage.told().size(), 1U);
+}
+
+TEST(Tracker, ForgetsWhoWentOutByADoorAtOnceAndTakesNoLeafForHim) {
+  Stage stage(30);
+  double last_told = 9;
+  for (int i = 0; i < 75; ++i) {
+    const double y = 2.0 - i / 30.0;
+    stage.step({{3.0, y, 1.75}});
+    if (!stage.told().empty()) last_told = y;
+  }
+  EXPECT_NEAR(last_told, 0.0, 0.12);
+  for (int i = 0; i < 20; ++i) {  // the door's leaf closes
+    stage.step({}, [&](FusedCloud& cloud) {
+      testing::add_column(cloud, 2.9 + 0.01 * i, 0.06, 0.1, 1.4, 0.04, 0.15, {});
+    });
+    EXPECT_TRUE(stage.told().empty()) << i;
+  }
+}
+
+TEST(Tracker, NeverTellsOfAPramAndKeepsTheOneWhoPushesIt) {
+  Stage stage(30);
+  std::set<std::uint32_t> ids;
+  for (int i = 0; i < 120; ++i) {
+    const double y = -0.9 + 0.8 * i / 30.0;
+    stage.step({{3.0, y, 1.70}}, [&](FusedCloud& cloud) {
+      testing::add_column(cloud, 3.0, y + 0.95, 0.05, 1.0, 0.42, 0.24, {});
+    });
+    for (const Person& person : stage.told()) ids.insert(person.id);
+    EXPECT_LE(stage.told().size(), 1U) << i;
+  }
+  EXPECT_EQ(ids.size(), 1U);
+  ASSERT_EQ(stage.told().size(), 1U);
+  EXPECT_GT(stage.told()[0].height, 1.5);
+}
+
+TEST(Tracker, KeepsTwoWhoSitSideBySideApartWhenOneLeansOver) {
+  Stage stage(30);
+  for (int i = 0; i < 90; ++i) stage.step({{2.0, 2.0, 1.30}, {2.0, 2.55, 1.22}});
+  ASSERT_EQ(stage.told().size(), 2U);
+  const auto before = stage.told();
+  for (int i = 0; i < 90; ++i) {  // until their heads touch, and for a while half of one is hidden
+    const double lean = 0.35 * std::min(1.0, i / 20.0);
+    if (i > 30 && i < 60)
+      stage.step({{2.0, 2.55, 1.22}}, [&](FusedCloud& cloud) {
+        testing::add_column(cloud, 2.0, 2.0 + lean, 1.06, 1.30, 0.08, 0.10, {});
+      });
+    else
+      stage.step({{2.0, 2.0 + lean, 1.30}, {2.0, 2.55, 1.22}});
+  }
+  for (int i = 0; i < 60; ++i) stage.step({{2.0, 2.0, 1.30}, {2.0, 2.55, 1.22}});
+  const auto after = stage.told();
+  ASSERT_EQ(after.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(after[i].id, before[i].id);
+    EXPECT_NEAR(after[i].position[1], before[i].position[1], 0.1);
+  }
+}
+
+TEST(Tracker, FollowsAFallWithOneIdentityAndSaysLying) {
+  Stage stage(30);
+  std::set<std::uint32_t> ids;
+  const auto tell = [&] {
+    for (const Person& person : stage.told()) ids.insert(person.id);
+  };
+  for (int i = 0; i < 60; ++i) stage.step({{3.0, 2.0, 1.75}}), tell();
+  for (int i = 0; i < 12; ++i) {  // sinks and grows long
+    const double share = (i + 1) / 12.0;
+    stage.step({}, [&](FusedCloud& cloud) {
+      testing::add_column(cloud, 3.0, 2.0 + 0.5 * share, 0.05, 1.70 - 1.42 * share,
+                          0.22 + 0.5 * share, 0.15, {});
+    });
+    tell();
+  }
+  for (int i = 0; i < 60; ++i) {
+    stage.step({}, [](FusedCloud& cloud) {
+      testing::add_column(cloud, 3.0, 2.5, 0.0, 0.28, 0.75, 0.2, {});
+    });
+    tell();
+  }
+  EXPECT_EQ(ids.size(), 1U);
+  ASSERT_EQ(stage.told().size(), 1U);
+  EXPECT_EQ(stage.told()[0].posture, Posture::kLying);
+  EXPECT_NEAR(stage.told()[0].height, 1.75, 0.06);
 }
 
 }  // namespace

@@ -38,7 +38,10 @@ class SituationTest : public ::testing::Test {
   void at(double time, std::initializer_list<Person> people) {
     frame_.time = time;
     frame_.people.clear();
-    for (const Person& person : people) frame_.people.push_back(person);
+    for (Person person : people) {
+      person.last_seen = time;
+      frame_.people.push_back(person);
+    }
     occupancy_ = &situation_.update(frame_, unseen_);
   }
   std::vector<EventKind> events() const {
@@ -76,6 +79,23 @@ TEST_F(SituationTest, TellsAFallFromLyingDown) {
   for (int i = 0; i <= 10; ++i) at(10 + 0.1 * i, {somebody(8, 3, 1, Posture::kStanding, 1.7)});
   for (int i = 0; i <= 50; ++i) at(11 + 0.1 * i, {somebody(8, 3, 1, Posture::kSitting, 1.2)});
   at(16.1, {somebody(8, 3, 1, Posture::kLying, 0.6)});
+  EXPECT_TRUE(events().empty());
+}
+
+TEST_F(SituationTest, TellsNoFallOfOneWhoLiesDownInASecondOrMore) {
+  const auto sink = [&](std::uint32_t id, double start, double seconds) {
+    for (int i = 0; i <= 10; ++i)
+      at(start + 0.1 * i, {somebody(id, 3, 1, Posture::kStanding, 1.7)});
+    for (int i = 1; i <= 30; ++i) {
+      const double share = i / 30.0;
+      const double top = 1.7 - 1.3 * share;
+      at(start + 1 + seconds * share,
+         {somebody(id, 3, 1, top < 0.65 ? Posture::kLying : Posture::kStanding, top)});
+    }
+  };
+  sink(1, 0, 0.7);
+  ASSERT_THAT(events(), ::testing::ElementsAre(EventKind::kFall));
+  sink(2, 10, 2.2);
   EXPECT_TRUE(events().empty());
 }
 

@@ -29,6 +29,21 @@ TEST(Zone, WithoutCornersContainsNothing) {
   EXPECT_FALSE(contains(Zone{}, {0, 0}));
 }
 
+TEST(DepthInside, CountsToTheNearestWallAndInADoorwayToItsThreshold) {
+  Wagon wagon;
+  wagon.inside = {{0.04, 0.04, 0}, {5.96, 2.66, 2.4}};
+  wagon.doors.push_back({Name("south"), {2.0, 0.0}, {4.0, 0.0}});
+  wagon.doors.push_back({Name("north"), {4.0, 2.7}, {2.0, 2.7}});
+  EXPECT_NEAR(depth_inside(wagon, {1.0, 0.54}).m, 0.5, 1e-9);
+  EXPECT_EQ(depth_inside(wagon, {1.0, 0.54}).door, -1);
+  EXPECT_NEAR(depth_inside(wagon, {3.0, 0.02}).m, 0.02, 1e-9);
+  EXPECT_EQ(depth_inside(wagon, {3.0, 0.02}).door, 0);
+  EXPECT_NEAR(depth_inside(wagon, {3.0, -0.3}).m, -0.3, 1e-9);
+  EXPECT_NEAR(depth_inside(wagon, {3.0, 2.8}).m, -0.1, 1e-9);
+  EXPECT_EQ(depth_inside(wagon, {3.0, 2.8}).door, 1);
+  EXPECT_EQ(depth_inside(wagon, {3.0, 1.3}).door, -1);  // the middle is no doorway
+}
+
 TEST(Bounds, IncludeTheirFaces) {
   const Bounds box{{0, 0, 0}, {1, 2, 3}};
   EXPECT_TRUE(box.contains({0, 2, 3}));

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cmath>
+
+// Distances on the floor, metres. Private to this module's sources.
+namespace wagonsight {
+
+// Nothing of one who lies on the floor is higher.
+inline constexpr float kLyingTop = 0.65F;
+
+inline double square(double value) {
+  return value * value;
+}
+
+inline double distance_between(double ax, double ay, double bx, double by) {
+  return std::sqrt(square(ax - bx) + square(ay - by));
+}
+
+}  // namespace wagonsight
