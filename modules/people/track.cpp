@@ -106,9 +106,11 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   if (!detection.stands_alone &&
       (away > kPartReach || detection.top < kPartTopShare * track.head_top))
     return kImpossible;
-  // Who was lost sight of does not live on in a pram; who bends down or falls in sight does.
+  // Who was lost sight of does not live on in a pram; who bends down or falls in sight does, and he
+  // who falls becomes long where he stood.
   const bool just_seen = now_s_ - track.person.last_seen < kJustSeen;
-  if (detection.like_a_thing && !near_seat(track) && !(just_seen && away < kCostUnit) &&
+  const double stretch = std::max(kCostUnit, 0.5 * static_cast<double>(detection.length));
+  if (detection.like_a_thing && !near_seat(track) && !(just_seen && away < stretch) &&
       track.person.height > detection.top + kThingTaller)
     return kImpossible;
   // Who rests stays where he is; others come to him.
@@ -171,7 +173,8 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
 
 void Tracker::confirm(Track& track, const Detection& detection) {
   const bool long_enough = now_s_ - track.person.since >= options_.confirm_s - 1e-6;
-  if (track.hits < options_.confirm_hits || !(long_enough || track.evidence >= kEvidenceAtOnce)) return;
+  if (track.hits < options_.confirm_hits || !(long_enough || track.evidence >= kEvidenceAtOnce))
+    return;
   // Of something low in a doorway only the front is seen yet: a child or a pram.
   const DepthInside depth = depth_inside(wagon_, track.person.position);
   if (depth.door >= 0 && detection.top < kChildTop &&

@@ -29,7 +29,7 @@ struct TrackOptions {
   double acceleration = 1.6;  // m/s^1.5: people start and stop walking within a second
   double gate_min_m = 0.7;    // a step between two frames at 2.5 Hz, whatever rate was stated
   double gate_max_m = 1.6;
-  double confirm_s = 0.12;  // and two frames; at once less with twice a full body in view
+  double confirm_s = 0.12;         // and two frames; at once less with twice a full body in view
   std::uint32_t confirm_hits = 2;  // frames; 1: whoever is detected is told at once
   double confirm_far_from_doors_s = 0.5;
   double coast_walking_s = 1.5;     // told while behind something and walking
