@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
-#define TOML_EXCEPTIONS 0
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <sstream>
+
+#include "base/toml.h"
 
 namespace wagonsight {
 namespace {

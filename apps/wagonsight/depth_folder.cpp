@@ -151,7 +151,7 @@ Result<void> DepthFolder::read_cloud(const std::string& path, std::span<const st
 
 Result<void> DepthFolder::read(std::size_t index, std::span<std::uint16_t> out) {
   const std::string& path = paths_[index];
-  const auto file = InputFile::open(path);
+  const auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
   const std::string extension = extension_of(path);
   if (extension == ".pcd") return read_cloud(path, file->bytes(), out);

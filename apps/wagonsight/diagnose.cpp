@@ -36,7 +36,7 @@ Result<Json> parse_health(const std::string& text, const std::string& source) {
 }
 
 Result<Findings> read_bundle(const std::string& path) {
-  const auto file = InputFile::open(path);
+  const auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
   const auto text = read_from_zip(file->bytes(), "health.json");
   if (!text) return fail(fmt::format("{} {}", path, text.error().message));

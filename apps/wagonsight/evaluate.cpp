@@ -14,7 +14,7 @@ struct EvaluateCommand {
 };
 
 Result<std::vector<Instant>> read_people(const std::string& path) {
-  const auto file = InputFile::open(path);
+  const auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
   auto instants = parse_people_file(file->text());
   if (!instants) return fail(fmt::format("{}: {}", path, instants.error().message));

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -15,41 +14,10 @@ namespace wagonsight {
 namespace {
 
 tl::unexpected<Error> fail_errno(std::string_view path, std::string_view what) {
-  return fail(fmt::format("{} {}: {}", path, what, std::strerror(errno)));
+  return fail(fmt::format("{}: {}: {}", path, what, std::strerror(errno)));
 }
 
 }  // namespace
-
-Result<InputFile> InputFile::open(const std::string& path) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) return fail_errno(path, "cannot be opened");
-  struct stat status {};
-  if (::fstat(descriptor, &status) != 0) {
-    ::close(descriptor);
-    return fail_errno(path, "cannot be examined");
-  }
-  if (!S_ISREG(status.st_mode)) {
-    ::close(descriptor);
-    return fail(fmt::format("{} is not a file", path));
-  }
-  const auto size = static_cast<std::size_t>(status.st_size);
-  if (size == 0) {  // nothing to map
-    ::close(descriptor);
-    return InputFile(std::span<const std::byte>());
-  }
-  void* memory = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
-  ::close(descriptor);
-  if (memory == MAP_FAILED) return fail_errno(path, "cannot be mapped");
-  return InputFile(std::span(static_cast<const std::byte*>(memory), size));
-}
-
-InputFile::InputFile(InputFile&& other) noexcept
-    : bytes_(std::exchange(other.bytes_, std::span<const std::byte>())) {}
-
-InputFile::~InputFile() {
-  if (!bytes_.empty())
-    ::munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());  // NOLINT: mmap gave it so
-}
 
 Result<std::unique_ptr<OutputFile>> OutputFile::create(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
@@ -91,7 +59,7 @@ Result<void> write_file(const std::string& path, std::span<const std::byte> byte
 Result<void> make_folder(const std::string& path) {
   std::error_code trouble;
   std::filesystem::create_directories(path, trouble);
-  if (trouble) return fail(fmt::format("{} cannot be made a folder: {}", path, trouble.message()));
+  if (trouble) return fail(fmt::format("{}: cannot be made a folder: {}", path, trouble.message()));
   return {};
 }
 

@@ -9,30 +9,15 @@
 #include <vector>
 
 #include "base/result.h"
+#include "linux/files.h"
 #include "recording/byte_sink.h"
 
 namespace wagonsight {
 
-// A file mapped for reading, page by page as it is used: a recording may be larger than the
-// memory. Its bytes are page-aligned and stay as long as the object.
-class InputFile {
- public:
-  static Result<InputFile> open(const std::string& path);
-  InputFile(InputFile&& other) noexcept;
-  InputFile(const InputFile&) = delete;
-  InputFile& operator=(const InputFile&) = delete;
-  InputFile& operator=(InputFile&&) = delete;
-  ~InputFile();
-
-  std::span<const std::byte> bytes() const { return bytes_; }
-  std::string_view text() const {
-    return {reinterpret_cast<const char*>(bytes_.data()), bytes_.size()};
-  }
-
- private:
-  explicit InputFile(std::span<const std::byte> bytes) : bytes_(bytes) {}
-  std::span<const std::byte> bytes_;
-};
+// What a command reads, be it a recording larger than the memory.
+inline Result<MappedFile> open_input(const std::string& path) {
+  return MappedFile::open(path, MappedFile::Pages::kOnDemand);
+}
 
 // A file that is written from its beginning. Every write goes to the system at once; close() says
 // whether all of it arrived. A file that is not closed is taken away again: a job that failed

@@ -50,7 +50,7 @@ Result<void> write_frames(DepthFolder& folder, const RigSensor& sensor, Recordin
 }
 
 Result<void> import(const ImportOptions& options) {
-  const auto camera_text = InputFile::open(options.camera);
+  const auto camera_text = open_input(options.camera);
   if (!camera_text) return tl::unexpected(camera_text.error());
   const auto camera = parse_camera_file(camera_text->text(), options.camera);
   if (!camera) return tl::unexpected(camera.error());

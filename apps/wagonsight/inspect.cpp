@@ -76,7 +76,7 @@ void print_blob(const Report& report) {
 }
 
 Result<void> inspect(const InspectOptions& options) {
-  const auto file = InputFile::open(options.file);
+  const auto file = open_input(options.file);
   if (!file) return tl::unexpected(file.error());
   const bool is_mcap =
       file->bytes().size() >= 5 && std::memcmp(file->bytes().data(), kMcapMagic.data(), 5) == 0;
@@ -93,7 +93,7 @@ Result<void> inspect(const InspectOptions& options) {
 
 }  // namespace
 
-Result<Report> inspect_blob(const std::string& path, const InputFile& file) {
+Result<Report> inspect_blob(const std::string& path, const MappedFile& file) {
   const auto blob = open_blob(file.bytes());
   if (!blob)
     return fail(fmt::format("{} is neither a recording nor a calibration blob that can be used: {}",

@@ -12,6 +12,6 @@ namespace wagonsight {
 using Report = nlohmann::ordered_json;
 
 Result<Report> inspect_recording(const std::string& path);
-Result<Report> inspect_blob(const std::string& path, const InputFile& file);
+Result<Report> inspect_blob(const std::string& path, const MappedFile& file);
 
 }  // namespace wagonsight

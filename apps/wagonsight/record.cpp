@@ -101,7 +101,7 @@ Result<std::unique_ptr<FrameStream>> open_stream(const SensorSettings& sensor,
     if (!recording) return tl::unexpected(recording.error());
     return std::make_unique<RecordedStream>(std::move(*recording));
   }
-  const auto text = InputFile::open(settings.demo.scene);
+  const auto text = open_input(settings.demo.scene);
   if (!text) return tl::unexpected(text.error());
   const auto scene = parse_scene(text->text(), settings.demo.scene);
   if (!scene) return tl::unexpected(scene.error());
@@ -116,7 +116,7 @@ Result<std::vector<SensorSettings>> wanted_sensors(const Settings& settings,
   if (!settings.sensors.empty()) return settings.sensors;
   if (settings.demo.scene.empty())
     return fail(fmt::format("{} names no sensor and no scene; add [[sensor]] sections", path));
-  const auto text = InputFile::open(settings.demo.scene);
+  const auto text = open_input(settings.demo.scene);
   if (!text) return tl::unexpected(text.error());
   const auto scene = parse_scene(text->text(), settings.demo.scene);
   if (!scene) return tl::unexpected(scene.error());
@@ -154,7 +154,7 @@ Result<void> Recorder::add(const SensorSettings& wanted, const Settings& setting
     source = sources_.end() - 1;
   }
   if (file.empty() && scene_text_.empty()) {
-    const auto scene = InputFile::open(settings.demo.scene);
+    const auto scene = open_input(settings.demo.scene);
     if (!scene) return tl::unexpected(scene.error());
     scene_text_ = scene->text();
   }
@@ -172,7 +172,7 @@ Result<void> Recorder::add(const SensorSettings& wanted, const Settings& setting
 
 // The settings' blob replaces what the sources know of their sensors.
 Result<void> Recorder::take_calibration(const std::string& path) {
-  const auto file = InputFile::open(path);
+  const auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
   const auto blob = open_blob(file->bytes());
   if (!blob) return fail(fmt::format("{}: {}", path, blob.error().message));
@@ -267,7 +267,7 @@ Result<void> Recorder::run(const RecordOptions& options) {
 }
 
 Result<void> record(const RecordOptions& options) {
-  const auto text = InputFile::open(options.config);
+  const auto text = open_input(options.config);
   if (!text) return tl::unexpected(text.error());
   const auto settings = parse_settings(text->text(), options.config);
   if (!settings) return tl::unexpected(settings.error());

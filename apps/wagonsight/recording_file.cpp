@@ -5,11 +5,11 @@
 namespace wagonsight {
 
 Result<RecordingFile> open_recording(const std::string& path, DamagePolicy policy) {
-  auto file = InputFile::open(path);
+  auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
   RecordingFile recording;
   recording.path = path;
-  recording.file = std::make_unique<InputFile>(std::move(*file));
+  recording.file = std::make_unique<MappedFile>(std::move(*file));
   auto reader = RecordingReader::open(recording.file->bytes(), policy);
   if (!reader) return fail(fmt::format("{} {}", path, reader.error().message));
   recording.reader = std::move(*reader);

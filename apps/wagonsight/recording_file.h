@@ -12,7 +12,7 @@ namespace wagonsight {
 // A recording on the disk: the mapped file and its reader, kept together.
 struct RecordingFile {
   std::string path;
-  std::unique_ptr<InputFile> file;
+  std::unique_ptr<MappedFile> file;
   std::unique_ptr<RecordingReader> reader;
 };
 

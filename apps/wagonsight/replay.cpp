@@ -74,7 +74,7 @@ Result<void> Replay::prepare_background() {
   const std::string& choice = options_.background;
   if (choice == kCausal || choice == kNone) return {};
   if (choice != kWhole) {
-    const auto file = InputFile::open(choice);
+    const auto file = open_input(choice);
     if (!file) return tl::unexpected(file.error());
     if (auto loaded = pipeline_->load_background(file->bytes()); !loaded)
       return fail(fmt::format("{}: {}", choice, loaded.error().message));
@@ -182,19 +182,6 @@ Result<void> Replay::run() {
   return {};
 }
 
-// What the settings ask for; without settings the finest leaf from 2 cm whose octree holds the
-// room.
-Result<std::unique_ptr<Pipeline>> make_pipeline(ReplaySetup& setup, bool leaf_is_chosen) {
-  constexpr double kLeafMax_m = 0.10;
-  constexpr double kLeafStep_m = 0.005;
-  while (true) {
-    auto pipeline = Pipeline::create(setup.rig, setup.rays, setup.wagon, setup.options);
-    if (pipeline || leaf_is_chosen || setup.options.leaf_m + kLeafStep_m > kLeafMax_m)
-      return pipeline;
-    setup.options.leaf_m += kLeafStep_m;
-  }
-}
-
 // What suits the recording where nothing was asked for.
 std::string suitable_background(ReplaySetup& setup) {
   // From here on learning counts better than looking at shapes, on parts of real recordings.
@@ -224,7 +211,10 @@ Result<void> replay(ReplayOptions options) {
     return fail(fmt::format(
         "{}: with --background none nothing is learned that --save-background could write",
         options.save_background));
-  auto pipeline = make_pipeline(*setup, !options.config.empty());
+  auto pipeline =
+      options.config.empty()
+          ? Pipeline::create_fitting(setup->rig, setup->rays, setup->wagon, setup->options)
+          : Pipeline::create(setup->rig, setup->rays, setup->wagon, setup->options);
   if (!pipeline) return fail(fmt::format("{}: {}", options.recording, pipeline.error().message));
   Replay run(std::move(options), std::move(*recording), std::move(*setup), std::move(*pipeline));
   return run.run();

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "pipeline/place_on_floor.h"
+#include "recording/sample_images.h"
 #include "rig/blob.h"
 #include "settings/settings.h"
 #include "simulate/room.h"
@@ -18,9 +19,9 @@ constexpr double kHeadroom_m = 2.4;  // nobody's head is higher above the floor
 
 // A blob from elsewhere must be of the cameras that were recorded.
 Result<void> take_blob(const Rig& recorded, const std::string& path, ReplaySetup& setup) {
-  auto file = InputFile::open(path);
+  auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
-  setup.blob_file = std::make_unique<InputFile>(std::move(*file));
+  setup.blob_file = std::make_unique<MappedFile>(std::move(*file));
   const auto blob = open_blob(setup.blob_file->bytes());
   if (!blob) return fail(fmt::format("{}: {}", path, blob.error().message));
   setup.rig = Rig{};
@@ -78,7 +79,7 @@ Result<void> take_scene_text(std::string_view text, const std::string& path, Rep
 
 // True when the settings state the room, themselves or by their scene.
 Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
-  const auto file = InputFile::open(path);
+  const auto file = open_input(path);
   if (!file) return tl::unexpected(file.error());
   const auto settings = parse_settings(file->text(), path);
   if (!settings) return tl::unexpected(settings.error());
@@ -94,7 +95,7 @@ Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
     return true;
   }
   if (settings->demo.scene.empty()) return false;
-  const auto scene = InputFile::open(settings->demo.scene);
+  const auto scene = open_input(settings->demo.scene);
   if (!scene) return tl::unexpected(scene.error());
   if (auto taken = take_scene_text(scene->text(), settings->demo.scene, setup); !taken)
     return tl::unexpected(taken.error());
@@ -114,44 +115,6 @@ Result<bool> take_scene(const RecordingFile& recording, ReplaySetup& setup) {
   return true;
 }
 
-// Of all sensors together; read through where the recording has no summary.
-Result<std::uint64_t> count_frames(RecordingReader& reader) {
-  if (const std::uint64_t stated = reader.stated_frame_count(); stated > 0) return stated;
-  std::vector<std::byte> memory(reader.slot_bytes());
-  FrameSlot slot;
-  slot.bytes = memory;
-  std::uint64_t frames = 0;
-  while (true) {
-    const auto more = reader.next(slot);
-    if (!more) return tl::unexpected(more.error());
-    if (!*more) break;
-    ++frames;
-  }
-  reader.rewind();
-  return frames;
-}
-
-// A dozen images spread over the recording.
-Result<std::vector<std::vector<std::uint16_t>>> sample_images(RecordingReader& reader,
-                                                              std::uint64_t frames) {
-  constexpr std::size_t kImages = 12;
-  std::vector<std::byte> memory(reader.slot_bytes());
-  FrameSlot slot;
-  slot.bytes = memory;
-  const std::uint64_t step = std::max<std::uint64_t>(1, frames / kImages);
-  std::vector<std::vector<std::uint16_t>> images;
-  for (std::uint64_t i = 0;; ++i) {
-    const auto more = reader.next(slot);
-    if (!more) return tl::unexpected(more.error());
-    if (!*more) break;
-    if (i % step != step / 2 || slot.damaged) continue;
-    const auto pixels = slot.depth_pixels();
-    images.emplace_back(pixels.begin(), pixels.end());
-  }
-  reader.rewind();
-  return images;
-}
-
 std::string names_of(const Rig& rig) {
   std::string names;
   for (const RigSensor& sensor : rig.sensors)
@@ -166,12 +129,10 @@ Result<void> place_alone(RecordingFile& recording, ReplaySetup& setup) {
         fmt::format("{} has several sensors ({}), and their poses are not known: choose one with "
                     "--sensor, or calibrate them and give the blob with --rig",
                     recording.path, names_of(setup.rig)));
-  const auto images = sample_images(*recording.reader, setup.frame_count);
+  const auto images = sample_images(*recording.reader);
   if (!images) return fail(fmt::format("{} {}", recording.path, images.error().message));
-  if (images->empty()) return fail(fmt::format("{} holds no frame", recording.path));
-  std::vector<DepthImage> views;
-  for (const auto& image : *images)
-    views.push_back({image.data(), sensor.camera.width, sensor.camera.height});
+  const std::vector<DepthImage> views = images->views();
+  if (views.empty()) return fail(fmt::format("{} holds no frame", recording.path));
   if (auto placed = place_on_floor(views, setup.rays[0], sensor, setup.wagon); placed) {
     setup.floor_found =
         fmt::format(", floor found {:.2f} m below the sensor", sensor.X_WS.position.z());

@@ -22,12 +22,12 @@ struct ReplaySetup {
   std::array<RayTable, kSensorsMax> rays{};
   Wagon wagon;
   PipelineOptions options;
-  bool had_pose = true;                  // before the floor was looked for
-  std::uint64_t frame_count = 0;         // of all sensors together
-  std::string remark;                    // what the user should know; else empty
-  std::string floor_found;               // told where it was looked for
-  std::string background_reason;         // why it is not learned, where the recording is too short
-  std::unique_ptr<InputFile> blob_file;  // what the rays may point into
+  bool had_pose = true;                   // before the floor was looked for
+  std::uint64_t frame_count = 0;          // of all sensors together
+  std::string remark;                     // what the user should know; else empty
+  std::string floor_found;                // told where it was looked for
+  std::string background_reason;          // why it is not learned, where the recording is too short
+  std::unique_ptr<MappedFile> blob_file;  // what the rays may point into
 };
 
 // Paths may be empty: no settings, no blob. A single sensor without a pose is placed on the floor

@@ -193,7 +193,7 @@ Result<void> run(const SimulateOptions& options, Simulation& simulation, const R
 }
 
 Result<void> simulate(const SimulateOptions& options) {
-  const auto file = InputFile::open(options.scene);
+  const auto file = open_input(options.scene);
   if (!file) return tl::unexpected(file.error());
   const auto scene = parse_scene(file->text(), options.scene);
   if (!scene) return tl::unexpected(scene.error());

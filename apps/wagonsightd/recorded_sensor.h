@@ -4,6 +4,7 @@
 #include <string>
 
 #include "capture/sensor.h"
+#include "linux/files.h"
 #include "recording/recording_reader.h"
 
 namespace wagonsight {
@@ -28,11 +29,10 @@ class RecordedSensor final : public Sensor {
   Counters counters() const override { return counters_; }
 
  private:
-  RecordedSensor(std::string path, std::span<const std::byte> file);
+  explicit RecordedSensor(MappedFile file);
   void let_go_of_read_pages();
 
-  std::string path_;
-  std::span<const std::byte> file_;  // mapped
+  MappedFile file_;
   std::unique_ptr<RecordingReader> reader_;
   HostTime start_{};
   FrameSlot* waiting_ = nullptr;  // read, and not due yet

@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "linux/files.h"
+#include "pipeline/place_on_floor.h"
 #include "recorded_sensor.h"
+#include "recording/sample_images.h"
 #include "rig/blob.h"
 #include "simulated_wagon.h"
 
@@ -40,6 +43,7 @@ class Assembly {
 
   Result<void> choose_sensors();
   Result<void> find_wagon();
+  Result<void> find_floor_in_recording();
   Result<void> make_pipeline();
   Result<void> connect_sources();
 
@@ -58,6 +62,7 @@ class Assembly {
   HostTime start_;
   std::optional<SimulatedWagon> scene_;
   std::vector<Recording> recordings_;
+  bool is_room_found_ = false;  // in a recording, by nobody's choice
 };
 
 Result<void> Assembly::open_scene() {
@@ -154,6 +159,10 @@ Result<void> Assembly::choose_sensors() {
 }
 
 Result<void> Assembly::find_wagon() {
+  const auto& sensors = unit_.rig.sensors;
+  const bool has_poses = std::all_of(sensors.begin(), sensors.end(),
+                                     [](const RigSensor& sensor) { return sensor.has_pose; });
+  if (!has_poses && !unit_.settings.wagon && !scene_) return find_floor_in_recording();
   if (unit_.settings.wagon) {
     unit_.wagon = *unit_.settings.wagon;
   } else if (scene_) {
@@ -161,12 +170,41 @@ Result<void> Assembly::find_wagon() {
   } else {
     return fail("settings: [wagon]: is missing; state the room that the sensors watch");
   }
-  for (const RigSensor& sensor : unit_.rig.sensors)
+  for (const RigSensor& sensor : sensors)
     if (!sensor.has_pose)
       return fail(
-          fmt::format("sensor {}: its pose in the wagon is not known; name a calibration "
-                      "blob with --rig",
+          fmt::format("sensor {}: its pose in the wagon is not known: name a calibration blob with "
+                      "--rig, or import the recording with [pose] in its camera file; with one "
+                      "sensor and no [wagon] in the settings, the floor is looked for",
                       sensor.name.view()));
+  return {};
+}
+
+// A single sensor of unknown pose stands on the floor that its recording shows.
+Result<void> Assembly::find_floor_in_recording() {
+  if (unit_.rig.sensors.size() > 1)
+    return fail(fmt::format(
+        "the poses of {} sensors are not known: name a calibration blob with --rig, or one of them "
+        "in [[sensor]] of the settings",
+        unit_.rig.sensors.size()));
+  RigSensor& sensor = unit_.rig.sensors[0];
+  const std::string& path = recordings_.front().path;
+  // Another reader, so that playing begins at the beginning.
+  const auto file = MappedFile::open(path, MappedFile::Pages::kOnDemand);
+  if (!file) return tl::unexpected(file.error());
+  const auto reader = RecordingReader::open(file->bytes(), DamagePolicy::kSkip);
+  if (!reader) return fail(fmt::format("{}: {}", path, reader.error().message));
+  if (auto taken = (*reader)->take_only(sensor.name.view()); !taken)
+    return fail(fmt::format("{} {}", path, taken.error().message));
+  const auto images = sample_images(**reader);
+  if (!images) return fail(fmt::format("{}: {}", path, images.error().message));
+  if (auto placed = place_on_floor(images->views(), (*reader)->rays()[0], sensor, unit_.wagon);
+      !placed)
+    return fail(fmt::format("{}: {}", path, placed.error().message));
+  is_room_found_ = true;
+  unit_.remarks.push_back(
+      fmt::format("The pose of {} is not calibrated; the floor was found {:.2f} m below it.",
+                  sensor.name.view(), sensor.X_WS.position.z()));
   return {};
 }
 
@@ -186,7 +224,9 @@ Result<void> Assembly::make_pipeline() {
   options.fps_expected = wanted.fps_expected;
   options.compensate_skew = wanted.compensate_skew;
   options.stereo = stereo_options(unit_.settings.stereo);
-  auto pipeline = Pipeline::create(unit_.rig, unit_.rays, unit_.wagon, options);
+  auto pipeline = is_room_found_
+                      ? Pipeline::create_fitting(unit_.rig, unit_.rays, unit_.wagon, options)
+                      : Pipeline::create(unit_.rig, unit_.rays, unit_.wagon, options);
   if (!pipeline) return tl::unexpected(pipeline.error());
   unit_.pipeline = std::move(*pipeline);
   return {};

@@ -2,17 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <toml++/toml.h>
+#include "base/toml.h"
 
 namespace wagonsight {
 
 Result<Board> parse_board_file(std::string_view text, std::string_view file) {
-  toml::table root;
-  try {
-    root = toml::parse(text, file);
-  } catch (const toml::parse_error& error) {
-    return fail(fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
-  }
+  const toml::parse_result parsed = toml::parse(text, file);
+  if (!parsed)
+    return fail(fmt::format("{}:{}: {}", file, parsed.error().source().begin.line,
+                            parsed.error().description()));
+  const toml::table& root = parsed.table();
   for (const auto& [key, node] : root)
     if (key.str() != "rows" && key.str() != "columns" && key.str() != "square_m")
       return fail(fmt::format("{}:{}: {} is not a key of a board", file, node.source().begin.line,

@@ -2,11 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <toml++/toml.h>
 #include <array>
 #include <cmath>
 #include <set>
 #include <span>
+
+#include "base/toml.h"
 
 namespace wagonsight {
 namespace {
@@ -193,12 +194,11 @@ Result<SensorSpec> parse_sensor(const toml::table& table, std::string_view file)
 }  // namespace
 
 Result<std::vector<SensorSpec>> parse_sensors(std::string_view text, std::string_view file) {
-  toml::table root;
-  try {
-    root = toml::parse(text, file);
-  } catch (const toml::parse_error& error) {
-    return fail(fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
-  }
+  const toml::parse_result parsed = toml::parse(text, file);
+  if (!parsed)
+    return fail(fmt::format("{}:{}: {}", file, parsed.error().source().begin.line,
+                            parsed.error().description()));
+  const toml::table& root = parsed.table();
   const toml::array* list = root["sensor"].as_array();
   if (list == nullptr || list->empty())
     return fail(fmt::format("{}: no [[sensor]] is described", file));

@@ -39,6 +39,19 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
   return std::unique_ptr<Pipeline>(new Pipeline(std::move(state)));
 }
 
+Result<std::unique_ptr<Pipeline>> Pipeline::create_fitting(const Rig& rig,
+                                                           std::array<RayTable, kSensorsMax> rays,
+                                                           const Wagon& wagon,
+                                                           PipelineOptions& options) {
+  constexpr double kLeafMax_m = 0.10;
+  constexpr double kLeafStep_m = 0.005;
+  while (true) {
+    auto pipeline = create(rig, rays, wagon, options);
+    if (pipeline || options.leaf_m + kLeafStep_m > kLeafMax_m) return pipeline;
+    options.leaf_m += kLeafStep_m;
+  }
+}
+
 Pipeline::Pipeline(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Pipeline::~Pipeline() = default;
 

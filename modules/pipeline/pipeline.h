@@ -47,6 +47,12 @@ class Pipeline {
                                                   std::array<RayTable, kSensorsMax> rays,
                                                   const Wagon& wagon,
                                                   const PipelineOptions& options);
+  // For a room that nobody chose: options.leaf_m becomes the finest leaf from its own on, up to 10
+  // cm, whose octree holds the inside.
+  static Result<std::unique_ptr<Pipeline>> create_fitting(const Rig& rig,
+                                                          std::array<RayTable, kSensorsMax> rays,
+                                                          const Wagon& wagon,
+                                                          PipelineOptions& options);
   ~Pipeline();
 
   // The result stays valid until the next call.

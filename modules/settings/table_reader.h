@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "settings/toml.h"
+#include "base/toml.h"
 
 // Reads one table of a TOML file key by key and gathers what is wrong with it. Internal to
 // settings.

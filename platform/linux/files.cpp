@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -118,17 +119,26 @@ MappedFile::~MappedFile() {
   if (!bytes_.empty()) ::munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
 }
 
-Result<MappedFile> MappedFile::open(const std::string& path) {
+Result<MappedFile> MappedFile::open(const std::string& path, Pages pages) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file.valid()) return failed(path, "cannot be opened");
   const auto size = size_of(file, path);
   if (!size) return fail(size.error().message);
   MappedFile mapped;
   if (*size == 0) return mapped;
-  void* memory = ::mmap(nullptr, *size, PROT_READ, MAP_PRIVATE | MAP_POPULATE, file.get(), 0);
+  const int flags = MAP_PRIVATE | (pages == Pages::kResident ? MAP_POPULATE : 0);
+  void* memory = ::mmap(nullptr, *size, PROT_READ, flags, file.get(), 0);
   if (memory == MAP_FAILED) return failed(path, "cannot be mapped");
   mapped.bytes_ = {static_cast<const std::byte*>(memory), *size};
   return mapped;
+}
+
+void MappedFile::let_go(std::size_t count) const {
+  const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  const std::size_t whole = std::min(count, bytes_.size()) / page * page;
+  // Nothing is lost when this fails; the pages only stay.
+  if (whole > 0)
+    (void)::madvise(const_cast<std::byte*>(bytes_.data()), whole, MADV_DONTNEED);  // NOLINT
 }
 
 Result<CheckedFile> open_file_or_previous(const std::string& path, const FileCheck& check) {

@@ -4,6 +4,8 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "base/result.h"
 
@@ -19,11 +21,14 @@ Result<std::string> read_file(const std::string& path, std::size_t bytes_max);
 // open or mapped keep it.
 Result<void> write_file_durably(const std::string& path, std::span<const std::byte> bytes);
 
-// A file mapped read-only, all its pages resident, so that reading it never waits for the disk. The
-// file must be replaced (write_file_durably), never written in place: who reads a page that was cut
-// off is killed by SIGBUS.
+// A file mapped read-only. The file must be replaced (write_file_durably), never written in place:
+// who reads a page that was cut off is killed by SIGBUS.
 class MappedFile {
  public:
+  enum class Pages {
+    kResident,  // all of them, from the start: reading never waits for the disk
+    kOnDemand,  // each when it is first read: a recording may be larger than the memory
+  };
   MappedFile() = default;
   MappedFile(MappedFile&& other) noexcept { swap(other); }
   MappedFile& operator=(MappedFile&& other) noexcept {
@@ -34,10 +39,15 @@ class MappedFile {
   MappedFile& operator=(const MappedFile&) = delete;
   ~MappedFile();
 
-  static Result<MappedFile> open(const std::string& path);
+  static Result<MappedFile> open(const std::string& path, Pages pages = Pages::kResident);
 
   // Page-aligned; empty for an empty file.
   std::span<const std::byte> bytes() const { return bytes_; }
+  std::string_view text() const {
+    return {reinterpret_cast<const char*>(bytes_.data()), bytes_.size()};
+  }
+  // Gives the first `count` bytes back to the system until they are read again.
+  void let_go(std::size_t count) const;
 
  private:
   void swap(MappedFile& other) noexcept { std::swap(bytes_, other.bytes_); }

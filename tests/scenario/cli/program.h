@@ -51,11 +51,14 @@ class ProgramTest : public ::testing::Test {
 
   // `arguments` as typed in a shell whose folder is the test's.
   Outcome run(const std::string& arguments) const {
+    return run_program(WAGONSIGHT_PROGRAM, arguments);
+  }
+  Outcome run_program(const char* program, const std::string& arguments) const {
     const fs::path out = folder_ / ".stdout";
     const fs::path err = folder_ / ".stderr";
     const std::string command =
-        fmt::format("cd '{}' && '{}' {} > '{}' 2> '{}' < /dev/null", folder_.string(),
-                    WAGONSIGHT_PROGRAM, arguments, out.string(), err.string());
+        fmt::format("cd '{}' && '{}' {} > '{}' 2> '{}' < /dev/null", folder_.string(), program,
+                    arguments, out.string(), err.string());
     const int status = std::system(command.c_str());  // NOLINT: a test's own command
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(out), read_text(err)};
   }

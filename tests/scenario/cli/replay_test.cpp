@@ -77,6 +77,41 @@ TEST_F(Replay, FindsTheFloorOfAnImportWithoutAPose) {
   EXPECT_EQ(lines_of(at("people.jsonl")).size(), frames);
 }
 
+// Two cameras that were imported apart and put into one recording; nobody knows their poses.
+TEST_F(Replay, TakesOneOfSeveralSensorsWithoutPoses) {
+  simulate(0.5);
+  must_run("import --depth images/k0 --camera camera.toml --out first.mcap");
+  std::string second(kCamera);
+  second.replace(second.find("k0"), 2, "k1");
+  write_text(at("second.toml"), second);
+  must_run("import --depth images/k0 --camera second.toml --out second.mcap");
+  write_text(at("both.toml"),
+             "[[sensor]]\nname = \"k0\"\nsource = \"recording\"\nfile = \"first.mcap\"\n"
+             "[[sensor]]\nname = \"k1\"\nsource = \"recording\"\nfile = \"second.mcap\"\n");
+  must_run("record --config both.toml --seconds 1 --out both.mcap");
+  EXPECT_EQ(run("replay both.mcap --out both.jsonl").err,
+            "wagonsight replay: both.mcap has several sensors (k0, k1), and their poses are not "
+            "known: choose one with --sensor, or calibrate them and give the blob with --rig\n");
+  must_run("replay both.mcap --sensor k1 --out one.jsonl");
+  must_run("replay second.mcap --out alone.jsonl");
+  EXPECT_GT(lines_of(at("one.jsonl")).size(), 10U);
+  EXPECT_EQ(read_text(at("one.jsonl")), read_text(at("alone.jsonl")));
+}
+
+// A whole wagon's sensors, all that the settings' scene has.
+TEST_F(Replay, RecordsEverySensorOfTheSettings) {
+  std::string scene(testing::kSmallScene);
+  scene +=
+      "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nposition = [4.9, 1.35, 2.2]\n"
+      "look_at = [2.0, 1.35, 0.6]\n";
+  write_text(at("two.toml"), scene);
+  write_text(at("live.toml"), "[demo]\nscene = \"two.toml\"\n");
+  must_run("record --config live.toml --seconds 0.4 --out all.mcap");
+  const json told = json::parse(must_run("inspect --json all.mcap").out);
+  ASSERT_EQ(told.at("sensors").size(), 2U);
+  for (const json& sensor : told.at("sensors")) EXPECT_GT(sensor.at("frames"), 8) << sensor;
+}
+
 TEST_F(Replay, TakesUpABackgroundThatWasLearnedBefore) {
   simulate(1.5);
   must_run("replay sim.mcap --out a.jsonl --background whole --save-background room.background");

@@ -4,24 +4,14 @@
 #include <rapidcheck/gtest.h>
 
 #include "arbitrary.h"
+#include "support/kinect_camera.h"
 
 namespace wagonsight {
 namespace {
 
-Camera kinect() {
-  Camera camera;
-  camera.width = 640;
-  camera.height = 480;
-  camera.fx = 525.87;
-  camera.fy = 527.81;
-  camera.cx = 306.72;
-  camera.cy = 267.07;
-  return camera;
-}
-
 // As strong as real lenses have it: published calibrations of Kinects reach k1 = 0.23, k2 = -0.38.
 Camera any_camera() {
-  Camera camera = kinect();
+  Camera camera = testing::kinect_camera();
   camera.distortion = {test::real_in(-0.25, 0.25), test::real_in(-0.1, 0.4),
                        test::real_in(-0.01, 0.01), test::real_in(-0.01, 0.01),
                        test::real_in(-0.05, 0.05)};
@@ -34,7 +24,7 @@ Eigen::Vector2d any_pixel() {
 
 // Worked out by hand from the formula in OpenCV's documentation at x = 0.4, y = -0.3 (r2 = 0.25).
 TEST(Camera, DistortsByBrownsFormula) {
-  Camera camera = kinect();
+  Camera camera = testing::kinect_camera();
   camera.distortion = {0.2301, -0.3803, 0.0084, -0.0101, 0.0061};
   const double radial = 1 + 0.2301 * 0.25 - 0.3803 * 0.0625 + 0.0061 * 0.015625;
   const Eigen::Vector2d d = distort(camera, {0.4, -0.3});
@@ -43,19 +33,19 @@ TEST(Camera, DistortsByBrownsFormula) {
 }
 
 TEST(Camera, HasItsPrincipalPointStraightAhead) {
-  const auto pixel = project(kinect(), {0, 0, 2});
+  const auto pixel = project(testing::kinect_camera(), {0, 0, 2});
   ASSERT_TRUE(pixel);
   EXPECT_EQ(*pixel, Eigen::Vector2d(306.72, 267.07));
 }
 
 TEST(Camera, SeesNothingBehindIt) {
-  EXPECT_FALSE(project(kinect(), {0, 0, 0}));
-  EXPECT_FALSE(project(kinect(), {0, 0, -1}));
-  EXPECT_FALSE(project(kinect(), {0, 0, std::nan("")}));
+  EXPECT_FALSE(project(testing::kinect_camera(), {0, 0, 0}));
+  EXPECT_FALSE(project(testing::kinect_camera(), {0, 0, -1}));
+  EXPECT_FALSE(project(testing::kinect_camera(), {0, 0, std::nan("")}));
 }
 
 TEST(Camera, WithoutDistortionIsAPinhole) {
-  const auto ray = ray_through(kinect(), {10, 20});
+  const auto ray = ray_through(testing::kinect_camera(), {10, 20});
   ASSERT_TRUE(ray);
   EXPECT_DOUBLE_EQ(ray->x(), (10 - 306.72) / 525.87);
   EXPECT_DOUBLE_EQ(ray->y(), (20 - 267.07) / 527.81);
@@ -87,7 +77,7 @@ RC_GTEST_PROP(Camera, RayThroughAPixelProjectsToIt, ()) {
 }
 
 TEST(Camera, SaysWhereItsDistortionHasNoInverse) {
-  Camera camera = kinect();
+  Camera camera = testing::kinect_camera();
   camera.distortion = {-0.9, 0, 0, 0, 0};  // r (1 - 0.9 r^2) never exceeds 0.406
   EXPECT_TRUE(undistort(camera, {0.3, 0}));
   EXPECT_FALSE(undistort(camera, {0.45, 0}));

@@ -4,23 +4,13 @@
 
 #include <cmath>
 
+#include "support/kinect_camera.h"
+
 namespace wagonsight {
 namespace {
 
-Camera kinect() {
-  Camera camera;
-  camera.width = 640;
-  camera.height = 480;
-  camera.fx = 580.2;
-  camera.fy = 579.6;
-  camera.cx = 318.4;
-  camera.cy = 242.1;
-  camera.distortion = {-0.09, 0.28, 0.0008, -0.0012, -0.23};
-  return camera;
-}
-
 TEST(RayTable, ProjectsBackToItsPixelWithinTheStepOfTheFixedPoint) {
-  const Camera camera = kinect();
+  const Camera camera = testing::kinect_camera({-0.09, 0.28, 0.0008, -0.0012, -0.23});
   const auto rays = make_ray_table(camera);
   ASSERT_EQ(rays.size(), 640U * 480U);
   // Half a step of 1/16384 at f = 580 is 0.018 pixels on each axis, a little more with distortion.
@@ -39,7 +29,7 @@ TEST(RayTable, ProjectsBackToItsPixelWithinTheStepOfTheFixedPoint) {
 }
 
 TEST(RayTable, MarksPixelsWhoseDistortionHasNoInverse) {
-  Camera camera = kinect();
+  Camera camera = testing::kinect_camera({-0.09, 0.28, 0.0008, -0.0012, -0.23});
   camera.distortion = {-0.9, 0, 0, 0, 0};  // folds the image over near its corners
   const auto rays = make_ray_table(camera);
   EXPECT_EQ(rays.front().x, kNoRay);
@@ -47,7 +37,7 @@ TEST(RayTable, MarksPixelsWhoseDistortionHasNoInverse) {
 }
 
 TEST(RayTable, MarksRaysBeyondItsRange) {
-  Camera camera = kinect();
+  Camera camera = testing::kinect_camera({-0.09, 0.28, 0.0008, -0.0012, -0.23});
   camera.distortion = {};
   camera.fx = camera.fy = 150;  // the left edge looks at x = -2.12
   const auto rays = make_ray_table(camera);
@@ -56,7 +46,7 @@ TEST(RayTable, MarksRaysBeyondItsRange) {
 }
 
 TEST(RayTable, OfABrokenCameraHasNoRays) {
-  Camera camera = kinect();
+  Camera camera = testing::kinect_camera({-0.09, 0.28, 0.0008, -0.0012, -0.23});
   camera.fx = std::nan("");
   for (const PixelRay ray : make_ray_table(camera)) ASSERT_EQ(ray.x, kNoRay);
 }

@@ -3,7 +3,7 @@
 // toml++ without exceptions, and without one of its mistakes. Up to 3.4 the look-up of whitespace
 // beyond ASCII runs into __builtin_unreachable() for most letters that stand outside of quotes
 // (marzer/tomlplusplus issue 295; the fix, pull request 305, returns false there, as here).
-// Internal to settings.
+// Nobody includes toml++ but by this header.
 #define TOML_EXCEPTIONS 0
 #include <toml++/impl/preprocessor.h>
 
