@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <memory>
 #include <vector>
 
 #include "frame_source.h"
 #include "http/server.h"
 #include "linux/clocks.h"
+#include "linux/held_memory.h"
 #include "linux/stop_signals.h"
 #include "linux/threads.h"
 #include "publisher.h"
@@ -26,9 +28,10 @@ namespace {
 constexpr Duration kPublishPeriod = std::chrono::milliseconds(33);
 // Time to build worlds and pipelines before the first simulated or recorded frame is due.
 constexpr Duration kSourceDelay = std::chrono::milliseconds(1500);
-// A frame waits at most a period and a half and 60 ms for those of its instant: four; one set is
-// worked on and one frame arrives.
-constexpr std::size_t kSlotsPerSensor = 6;
+// While all sensors give frames a set waits for the last of them, one set is worked on and one
+// frame arrives: three of each. One sensor that is late lets the others' frames wait for a period
+// and a half and 60 ms: four of each, and those two, but none of its own.
+constexpr std::size_t kSlotsPerSensor = 4, kSlotsMore = 2;
 
 // The tracking turns every few milliseconds; its first instant, which learns the background, takes
 // a second on a slow computer. A driver may wait long for a device that is being plugged in.
@@ -44,7 +47,7 @@ class Daemon {
         start_(start),
         shared_(std::move(shared)),
         log_(shared_.block(), start),
-        pool_(kSlotsPerSensor * unit_->rig.sensors.size() + 2, unit_->slot_bytes),
+        pool_(kSlotsPerSensor * unit_->rig.sensors.size() + kSlotsMore, unit_->slot_bytes),
         tracking_(std::move(unit_->pipeline), unit_->rig, pool_, bell_, start),
         publisher_(*unit_, shared_.block(), log_, start),
         listening_(listening),
@@ -62,6 +65,7 @@ class Daemon {
   Daemon& operator=(const Daemon&) = delete;
 
   void start() {
+    hold_all_memory();
     for (const std::string& remark : unit_->remarks) log_.say(Severity::kWarning, remark);
     log_.say(Severity::kNote, fmt::format("wagonsight {} watches with {} sensors.", kVersionText,
                                           unit_->rig.sensors.size()));
@@ -91,6 +95,18 @@ class Daemon {
   }
 
  private:
+  // Everything is allocated and there is no other thread yet.
+  void hold_all_memory() {
+    const auto held = hold_memory();
+    if (!held) {
+      log_.say(Severity::kWarning, held.error().message);
+      return;
+    }
+    log_.say(Severity::kNote, fmt::format("{:.1f} MB of memory are held, {:.1f} MB of them locked.",
+                                          static_cast<double>(held->held_bytes) / (1U << 20U),
+                                          static_cast<double>(held->locked_bytes) / (1U << 20U)));
+  }
+
   void watch_stages(Vigil& vigil) {
     vigil.watch(
         "The tracking", kTrackingSilenceMaxS, [this] { return tracking_.turns(); }, seconds());

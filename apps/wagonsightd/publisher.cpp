@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kSilentS = 1.0;       // a sensor without frames for so long is lost
 constexpr double kStartS = 5.0;        // so long a sensor may take for its first frame
+constexpr double kSettleS = 1.0;       // of frames that are judged before the start is over
 constexpr double kLastingS = 1.5;      // a change of state is logged after so long
 constexpr double kRateShareMin = 0.8;  // below, a sensor is degraded
 constexpr double kDroppedShareMax = 0.01;
@@ -77,10 +78,10 @@ void Publisher::publish(const Tracking& tracking,
   if (tracking.report(*report_)) {
     s.frame = report_->frame;
     s.occupancy = report_->occupancy;
-    s.learning = report_->learning;
     s.framesets = report_->framesets;
     s.framesets_dropped = report_->framesets_dropped;
     s.pipeline_latency_ms = report_->latency_ms;
+    settle();
   }
   s.web_restarts = web_restarts;
   tell_sensors(sources);
@@ -89,6 +90,23 @@ void Publisher::publish(const Tracking& tracking,
   tell_unit(pool);
   log_changes();
   block_.snapshot.store(s);
+}
+
+// The start is learning and a second more. Its first instants are slow and lose frames while the
+// first background is drawn up; that is no fault of a sensor and must not look like one for the
+// ten seconds of the rates, so they count from the end of learning on.
+void Publisher::settle() {
+  Snapshot& s = *snapshot_;
+  if (report_->learning || settled_) {
+    s.learning = report_->learning;
+    return;
+  }
+  if (learned_at_ < 0) {
+    learned_at_ = s.time;
+    samples_.clear();
+  }
+  settled_ = s.time - learned_at_ >= kSettleS;
+  s.learning = !settled_;
 }
 
 // A source of one sensor counts for it; of a recording's sensors the tracking tells what came.
@@ -189,6 +207,7 @@ void Publisher::tell_unit(const FramePool& pool) {
   s.slots_high_water = static_cast<std::uint32_t>(pool.high_water());
   s.slots_capacity = static_cast<std::uint32_t>(pool.capacity());
   s.allocations_sealed = sealed_allocations();
+  s.page_faults = report_->page_faults;
   s.resident_bytes = resident_bytes();
 }
 

@@ -48,6 +48,7 @@ class Publisher {
   void tell_sensors(const std::vector<std::unique_ptr<SourceThread>>& sources);
   void tell_sensor(std::size_t index);
   void tell_rates();
+  void settle();
   void tell_stages();
   void tell_unit(const FramePool& pool);
   void log_changes();
@@ -62,6 +63,8 @@ class Publisher {
   std::array<SensorState, kSensorsMax> told_states_{};
   std::array<double, kSensorsMax> changed_at_{};
   bool told_learning_ = true;
+  bool settled_ = false;    // the start is over
+  double learned_at_ = -1;  // when the background became known; below zero: not yet
   double stages_told_at_ = -1e9;
 };
 

@@ -21,6 +21,7 @@ class RecordedSensor final : public Sensor {
   RecordedSensor& operator=(const RecordedSensor&) = delete;
 
   const RecordingReader& reader() const { return *reader_; }
+  void drop_blob() { reader_->drop_blob(); }
   // When the recording's first instant is to be; before the first poll().
   void begin_at(HostTime start) { start_ = start; }
 

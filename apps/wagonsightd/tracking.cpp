@@ -1,6 +1,7 @@
 #include "tracking.h"
 
 #include "linux/clocks.h"
+#include "linux/held_memory.h"
 #include "linux/resources.h"
 #include "linux/sealed_heap.h"
 #include "linux/threads.h"
@@ -56,6 +57,7 @@ void Tracking::stop() {
 
 void Tracking::run() {
   name_this_thread("tracking");
+  hold_this_stack();
   const HeapSeal seal;
   FrameSet set;
   while (!stop_.load(std::memory_order_acquire)) {
@@ -124,6 +126,9 @@ void Tracking::tell(const FrameSet& set) {
   }
   now.latency_ms = to_milliseconds(host_now() - set.instant);
   now.cpu_s = to_seconds(thread_cpu_time());
+  // The first instant touches what is not memory of the data path: the stack, code, the clock.
+  if (now.framesets == 1) faults_at_start_ = thread_page_faults();
+  now.page_faults = thread_page_faults() - faults_at_start_;
   shared_->store(now);
 }
 

@@ -37,6 +37,7 @@ struct TrackingReport {
   std::uint64_t framesets = 0, framesets_dropped = 0;
   double latency_ms = 0;
   double cpu_s = 0;                             // of the tracking thread
+  std::uint64_t page_faults = 0;                // of it since its first instant
   static constexpr std::size_t kTimings = 256;  // eight seconds
   std::array<std::array<float, kTimings>, kStageCount> stage_ms{};
 };
@@ -79,6 +80,7 @@ class Tracking {
   std::vector<SourceThread*> sources_;
   std::unique_ptr<TrackingReport> now_;
   std::unique_ptr<Seqlock<TrackingReport>> shared_;
+  std::uint64_t faults_at_start_ = 0;
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> turns_{0};
   std::thread thread_;

@@ -115,6 +115,7 @@ Result<void> Assembly::take_blob(const std::string& path) {
 Result<void> Assembly::find_rig(const std::string& blob_path) {
   if (!blob_path.empty()) {
     if (auto taken = take_blob(blob_path); !taken) return taken;
+    for (Recording& recording : recordings_) recording.sensor->drop_blob();
   } else if (scene_) {
     take_rig(scene_->rig(), {});
     unit_.calibration.present = true;
@@ -224,6 +225,7 @@ Result<void> Assembly::make_pipeline() {
   options.fps_expected = wanted.fps_expected;
   options.compensate_skew = wanted.compensate_skew;
   options.stereo = stereo_options(unit_.settings.stereo);
+  options.evidence_bricks = kLiveEvidenceBricksMax;
   auto pipeline = is_room_found_
                       ? Pipeline::create_fitting(unit_.rig, unit_.rays, unit_.wagon, options)
                       : Pipeline::create(unit_.rig, unit_.rays, unit_.wagon, options);

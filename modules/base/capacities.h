@@ -32,9 +32,12 @@ inline constexpr std::size_t kMasksMax = 64;
 inline constexpr std::size_t kBlobsMax = 256;
 
 // Foreground points after the voxel grid, per sensor and fused. A person seen from one side at
-// 2 cm has about 1,500; forty people from four sides are 240,000, bounded by the wagon's own air.
-inline constexpr std::size_t kSensorPointsMax = 65'536;
-inline constexpr std::size_t kFusedPointsMax = 262'144;
+// 2 cm has about 1,500; five people who fill half of a Kinect's image at 2 to 5 m are 20,000. Forty
+// people have 180,000 voxels of skin and clothes, of which a crowd hides the most: sensors see each
+// other's points too, so what they contribute is more than what is fused.
+inline constexpr std::size_t kSensorPointsMax = 32'768;
+inline constexpr std::size_t kFusedPointsMax = 65'536;
+inline constexpr std::size_t kContributionsMax = 98'304;
 
 // Bricks (8 x 8 x 8 leaves) of one octree. At 2 cm leaves 65,536 of them are 268 m3 of air: a wagon
 // of 20 x 2.8 x 2.4 m is 33,000, the class room of a typical import 41,000. One buffer of bits is
@@ -48,8 +51,10 @@ static_assert(kOctreeBricksMax * kBrickLeaves <= UINT32_MAX, "a leaf's address i
 // Bricks in which one sensor can gather evidence at a time: surfaces and what moves before them,
 // not the air. 60 m2 of surface at 2 cm are 2,400 bricks, three times that with the noise at 5 m;
 // people who pass while a whole recording is learned fill as many again. Two counters a leaf: 16
-// MiB at most, of which only pages that were touched are resident.
+// MiB at most, for replays.
 inline constexpr std::size_t kEvidenceBricksMax = 16'384;
+// A unit that learns as it goes gives bricks back, and its memory is resident from the start.
+inline constexpr std::size_t kLiveEvidenceBricksMax = 3'072;
 static_assert(kEvidenceBricksMax * kBrickLeaves * 2 == std::size_t{16} * 1024 * 1024);
 
 // Runs of foreground pixels of one image row, over all rows: 480 rows of a Kinect with 60 runs each

@@ -37,26 +37,25 @@ void visit_pixels(std::span<const std::uint64_t> bits, Visit&& visit) {
 
 }  // namespace
 
-Background::Background(const SensorView& view)
+Background::Background(const SensorView& view, std::size_t evidence_bricks_max)
     : leaves_(view.grid()),
-      rounds_seen_(view.grid()),
-      evidence_(view.grid()),
+      evidence_(view.grid(), evidence_bricks_max),
       thresholds_(view),
       empty_rounds_(std::make_unique<std::uint8_t[]>(view.pixel_count())),
-      candidates_(view.grid().brick_count()),
+      candidates_(evidence_.capacity()),
       candidate_(std::make_unique<std::uint64_t[]>(view.grid().block_count())) {}
 
 void Background::gather(const SensorView& view, DepthImage image) {
-  rounds_seen_.current().clear();
+  vote_ += 2;  // of this frame, whatever was seen before
   ++gathered_;
   for (std::size_t pixel = 0; pixel < image.pixel_count(); ++pixel) {
     const std::uint16_t raw = image.pixels[pixel];
     if (raw < view.depth().raw_near() || raw > view.depth().raw_far()) continue;
     if (!view.has_ray(pixel)) continue;
     const LeafAddress leaf = view.leaf_of(pixel, raw);
-    if (leaf == kNoLeaf || !rounds_seen_.current().insert(leaf)) continue;
+    if (leaf == kNoLeaf) continue;
     LeafEvidence* evidence = evidence_.find_or_add(leaf);
-    if (evidence == nullptr) continue;
+    if (evidence == nullptr || !evidence_.see(leaf, vote_)) continue;
     if (evidence->hits == UINT8_MAX) {  // keeps the ratio and forgets slowly
       evidence->hits /= 2;
       evidence->frees /= 2;
@@ -67,7 +66,7 @@ void Background::gather(const SensorView& view, DepthImage image) {
     const auto leaves = evidence_.brick(brick);
     for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
       const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
-      if (leaves[i].hits == 0 || rounds_seen_.current().contains(leaf)) continue;
+      if (leaves[i].hits == 0 || evidence_.seen(leaf, vote_)) continue;
       if (look(view, image, leaf) != Seen::kThrough) continue;
       if (leaves[i].frees == UINT8_MAX) {
         leaves[i].hits /= 2;
@@ -86,7 +85,7 @@ void Background::forget_candidates() {
 void Background::decide(const SensorView& view) {
   forget_candidates();
   leaves_.clear();
-  rounds_seen_.current().clear();
+  vote_ += 2;
   const int frames_min = std::min(kThereFramesMin, static_cast<int>(gathered_));
   for (const BrickAddress brick : evidence_.bricks()) {
     const auto leaves = evidence_.brick(brick);
@@ -101,6 +100,9 @@ void Background::decide(const SensorView& view) {
         evidence = {};
       }
     }
+  }
+  for (std::size_t i = evidence_.bricks().size(); i > 0; --i) {
+    release_if_idle(evidence_.bricks()[i - 1]);
   }
   redo_thresholds(view);
   for (std::size_t pixel = 0; pixel < view.pixel_count(); ++pixel) {
@@ -141,7 +143,7 @@ float Background::advance(HostTime instant) {
   if (to_seconds(instant - round_start_) + 0.5 * frame_s >= kRound_s) {
     round_start_ = instant;
     ++rounds_;
-    rounds_seen_.switch_buffers();
+    ++vote_;
   }
   const auto share = static_cast<float>(std::min(1.0, frame_s / kRound_s));
   fade_candidates(share);
@@ -160,7 +162,7 @@ void Background::fade_candidates(float round_share) {
       const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
       if (leaves[i].hits == 0 || leaves_.contains(leaf)) continue;
       any = true;
-      if (rounds_seen_.current().contains(leaf) || rounds_seen_.previous().contains(leaf)) continue;
+      if (evidence_.seen_lately(leaf, vote_)) continue;
       --leaves[i].hits;
     }
     if (any) {
@@ -170,7 +172,12 @@ void Background::fade_candidates(float round_share) {
     candidate_[brick / 64] &= ~(std::uint64_t{1} << (brick % 64));
     candidates_[next_candidate_] = candidates_[candidates_.size() - 1];
     candidates_.resize(candidates_.size() - 1);
+    release_if_idle(brick);
   }
+}
+
+void Background::release_if_idle(BrickAddress brick) {
+  if (!leaves_.brick_occupied(brick) && !is_candidate(brick)) evidence_.forget(brick);
 }
 
 void Background::add_leaf(const SensorView& view, LeafAddress leaf) {
@@ -178,14 +185,14 @@ void Background::add_leaf(const SensorView& view, LeafAddress leaf) {
 }
 
 void Background::remove_leaf(const SensorView& view, LeafAddress leaf) {
-  if (leaves_.erase(leaf)) thresholds_.leaf_removed(view, leaves_, leaf);
+  if (leaves_.erase(leaf)) thresholds_.leaf_removed(view, leaf);
   if (LeafEvidence* evidence = evidence_.find(leaf)) *evidence = {};
 }
 
 void Background::hit(const SensorView& view, LeafAddress leaf, int hits_needed) {
-  if (leaf == kNoLeaf || !rounds_seen_.current().insert(leaf)) return;
+  if (leaf == kNoLeaf) return;
   LeafEvidence* evidence = evidence_.find_or_add(leaf);
-  if (evidence == nullptr) return;
+  if (evidence == nullptr || !evidence_.see(leaf, vote_)) return;
   evidence->hits = static_cast<std::uint8_t>(std::min(evidence->hits + 1, kHitsMax));
   if (evidence->hits >= hits_needed) {
     evidence->frees = 0;
@@ -193,10 +200,9 @@ void Background::hit(const SensorView& view, LeafAddress leaf, int hits_needed) 
     return;
   }
   const BrickAddress brick = leaf / static_cast<std::uint32_t>(kBrickLeaves);
-  const std::uint64_t bit = std::uint64_t{1} << (brick % 64);
-  if ((candidate_[brick / 64] & bit) != 0) return;
-  candidate_[brick / 64] |= bit;
-  (void)candidates_.try_push_back(brick);  // there is room for every brick of the grid
+  if (is_candidate(brick)) return;
+  candidate_[brick / 64] |= std::uint64_t{1} << (brick % 64);
+  (void)candidates_.try_push_back(brick);  // there is room for every brick that has evidence
 }
 
 void Background::observe_new(const SensorView& view, DepthImage image,
@@ -251,7 +257,10 @@ void Background::observe_free(const SensorView& view, DepthImage image, float ro
   for (; count > 0; --count) {
     if (next_leaf_brick_ >= bricks.size()) next_leaf_brick_ = 0;
     const BrickAddress brick = bricks[next_leaf_brick_++];
-    if (!leaves_.brick_occupied(brick)) continue;
+    if (!leaves_.brick_occupied(brick)) {
+      release_if_idle(brick);
+      continue;
+    }
     leaves_.visit_brick(brick, [&](LeafAddress leaf) {
       LeafEvidence* evidence = evidence_.find_or_add(leaf);
       if (evidence == nullptr) return;
@@ -275,6 +284,7 @@ void Background::observe_free(const SensorView& view, DepthImage image, float ro
       }
     });
   }
+  thresholds_.settle(view, leaves_);
 }
 
 void Background::observe_empty(const SensorView& view, DepthImage image, float round_share,
@@ -284,6 +294,12 @@ void Background::observe_empty(const SensorView& view, DepthImage image, float r
   const std::uint16_t far = view.depth().raw_far();
   for (; count > 0; --count, ++next_pixel_) {
     if (next_pixel_ >= image.pixel_count()) next_pixel_ = 0;
+    while (next_pixel_ % 64 == 0 && count > 64 && next_pixel_ + 64 <= image.pixel_count() &&
+           thresholds_.unknown_rays(next_pixel_ / 64) == 0) {
+      next_pixel_ += 64;
+      count -= 64;
+      if (next_pixel_ >= image.pixel_count()) next_pixel_ = 0;
+    }
     const std::size_t pixel = next_pixel_;
     if (thresholds_.has_background(pixel) || thresholds_.is_open(pixel)) continue;
     const std::uint16_t raw = image.pixels[pixel];

@@ -20,7 +20,8 @@ namespace wagonsight {
 // frame rate. Allocates in the constructor only, except where said. Not thread-safe.
 class Background {
  public:
-  explicit Background(const SensorView& view);
+  // `evidence_bricks_max`: how many bricks can have evidence at a time.
+  explicit Background(const SensorView& view, std::size_t evidence_bricks_max = kEvidenceBricksMax);
 
   // Takes one frame as evidence for and against every leaf. Costs some milliseconds.
   void gather(const SensorView& view, DepthImage image);
@@ -46,6 +47,7 @@ class Background {
   const RayThresholds& thresholds() const { return thresholds_; }
   double known_share(const SensorView& view) const;
   std::uint32_t rounds() const { return rounds_; }
+  const EvidencePool& evidence() const { return evidence_; }
 
   // Allocate.
   void save(std::vector<std::byte>& bytes) const;
@@ -60,13 +62,18 @@ class Background {
   void hit(const SensorView& view, LeafAddress leaf, int hits_needed);
   void forget_candidates();
   void fade_candidates(float round_share);
+  bool is_candidate(BrickAddress brick) const {
+    return ((candidate_[brick / 64] >> (brick % 64)) & 1) != 0;
+  }
+  // Gives the counters of a brick back that is neither background nor about to become it.
+  void release_if_idle(BrickAddress brick);
 
   BitOctree leaves_;
-  ChangeOctree rounds_seen_;  // leaves that got their vote of this round and of the one before
   EvidencePool evidence_;
   RayThresholds thresholds_;
   std::unique_ptr<std::uint8_t[]> empty_rounds_;  // by pixel
   std::uint32_t rounds_ = 0;
+  std::uint32_t vote_ = 2;  // each leaf gets one vote of this number; the one before is vote_ - 1
   bool started_ = false;
   bool slow_frames_ = false;  // a frame is a round
   HostTime last_instant_{}, round_start_{};

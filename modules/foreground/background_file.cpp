@@ -68,7 +68,7 @@ bool Background::load(const SensorView& view, std::span<const std::byte> bytes) 
   if (!reader.get(count)) return false;
   if (reader.left() != std::size_t{count} * 5 + open.size() * 8) return false;
   leaves_.clear();
-  rounds_seen_.current().clear();
+  vote_ += 2;
   forget_candidates();
   evidence_.clear();
   for (std::uint32_t i = 0; i < count; ++i) {

@@ -27,7 +27,8 @@ constexpr std::uint32_t kRoundsMin = 5;
 }  // namespace
 
 Result<std::unique_ptr<ForegroundExtractor>> ForegroundExtractor::create(
-    const RigSensor& sensor, RayTable rays, const Wagon& wagon, const ForegroundOptions& options) {
+    const RigSensor& sensor, RayTable rays, const Wagon& wagon, const ForegroundOptions& options,
+    std::shared_ptr<BlobWorkspace> workspace) {
   const std::string name(sensor.name.view());
   if (sensor.camera.width <= 0 || sensor.camera.height <= 0 ||
       rays.size() != static_cast<std::size_t>(sensor.camera.width) *
@@ -49,17 +50,19 @@ Result<std::unique_ptr<ForegroundExtractor>> ForegroundExtractor::create(
   const Eigen::Vector3d margin = Eigen::Vector3d::Constant(kMargin_m);
   auto grid = LeafGrid::cover(wagon.inside.min - margin, wagon.inside.max + margin, options.leaf_m);
   if (!grid) return fail(grid.error().message);
+  if (workspace == nullptr) workspace = std::make_shared<BlobWorkspace>(options.voxel_m);
   return std::unique_ptr<ForegroundExtractor>(
-      new ForegroundExtractor(sensor, rays, wagon, *grid, options));
+      new ForegroundExtractor(sensor, rays, wagon, *grid, options, std::move(workspace)));
 }
 
 ForegroundExtractor::ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
-                                         const LeafGrid& grid, const ForegroundOptions& options)
+                                         const LeafGrid& grid, const ForegroundOptions& options,
+                                         std::shared_ptr<BlobWorkspace> workspace)
     : options_(options),
       view_(sensor, rays, wagon, grid, options.noise_sigmas),
-      background_(view_),
+      background_(view_, options.evidence_bricks),
       memory_(view_),
-      blobs_(view_, options.blob_area_min_m2, kSmallBlob_m2, options.voxel_m),
+      blobs_(view_, options.blob_area_min_m2, kSmallBlob_m2, options.voxel_m, std::move(workspace)),
       foreground_((rays.size() + 63) / 64),
       unknown_(foreground_.capacity()),
       restless_(foreground_.capacity()),
@@ -145,6 +148,14 @@ void ForegroundExtractor::extract_everything(DepthImage image, Foreground& out) 
   blobs_.find(view_, image, foreground_.span(), unknown_.span(), rejected_.span(), out);
   out.background_known = true;
   learning_ = false;
+}
+
+std::size_t ForegroundExtractor::changed_pixels() const {
+  std::size_t pixels = 0;
+  for (const std::uint64_t word : foreground_) {
+    pixels += static_cast<std::size_t>(std::popcount(word));
+  }
+  return pixels;
 }
 
 void ForegroundExtractor::remember(float round_share) {

@@ -29,6 +29,7 @@ struct ForegroundOptions {
   double learning_s = 2.0;         // until a ray on which nothing comes back counts as empty
   // Nothing is learned: all that stands in the wagon is foreground, but for the floor.
   bool without_background = false;
+  std::size_t evidence_bricks = kEvidenceBricksMax;  // fewer where memory is scarce
 };
 
 // Lines 4 to 12 of the paper's Algorithm 1 for one sensor: from its depth image to what moved in
@@ -43,10 +44,12 @@ struct ForegroundOptions {
 // in create(), save and load only.
 class ForegroundExtractor {
  public:
-  // `rays` must outlive the extractor (one a pixel, X_WS known). The Error says what does not fit.
-  static Result<std::unique_ptr<ForegroundExtractor>> create(const RigSensor& sensor, RayTable rays,
-                                                             const Wagon& wagon,
-                                                             const ForegroundOptions& options);
+  // `rays` must outlive the extractor (one a pixel, X_WS known). Extractors of one thread can share
+  // a `workspace` (made for options.voxel_m); without one it makes its own. The Error says what
+  // does not fit.
+  static Result<std::unique_ptr<ForegroundExtractor>> create(
+      const RigSensor& sensor, RayTable rays, const Wagon& wagon, const ForegroundOptions& options,
+      std::shared_ptr<BlobWorkspace> workspace = nullptr);
 
   // Evidence only. Frames closer than a tenth of a second to the last one are skipped.
   void learn(DepthImage image, HostTime instant);
@@ -67,12 +70,17 @@ class ForegroundExtractor {
   std::vector<std::byte> save_background() const;
   Result<void> load_background(std::span<const std::byte> bytes);
 
+  // Of the last frame: pixels that differ from the background, before blobs.
+  std::size_t changed_pixels() const;
+
   const Background& background() const { return background_; }
   const SensorView& view() const { return view_; }
+  std::shared_ptr<BlobWorkspace> workspace() const { return blobs_.workspace(); }
 
  private:
   ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
-                      const LeafGrid& grid, const ForegroundOptions& options);
+                      const LeafGrid& grid, const ForegroundOptions& options,
+                      std::shared_ptr<BlobWorkspace> workspace);
   void remember(float round_share);
   bool near_somebody(std::size_t word) const;
   void extract_everything(DepthImage image, Foreground& out);

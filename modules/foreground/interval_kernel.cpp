@@ -10,10 +10,11 @@ void compare_intervals_scalar(const std::uint16_t* raw, const IntervalArrays& ar
       const std::size_t i = word * 64 + place;
       const bool background = (raw[i] >= arrays.first_near[i] && raw[i] <= arrays.first_far[i]) ||
                               (raw[i] >= arrays.second_near[i] && raw[i] <= arrays.second_far[i]);
-      const bool inside = raw[i] >= arrays.near[i] && raw[i] <= arrays.far[i];
+      const std::uint16_t near = arrays.near != nullptr ? arrays.near[i] : arrays.near_all;
+      const bool inside = raw[i] >= near && raw[i] <= arrays.far[i];
       if (background || !inside) continue;
       const std::uint64_t bit = std::uint64_t{1} << place;
-      if (raw[i] <= arrays.last[i]) {
+      if (raw[i] <= arrays.second_far[i]) {
         is_before |= bit;
       } else {
         is_beyond |= bit;

@@ -7,14 +7,16 @@ namespace wagonsight {
 
 // Raw readings against what RayThresholds remembers of each pixel, arrays of one value a pixel.
 struct IntervalArrays {
-  const std::uint16_t *near, *far;                // inside the wagon
-  const std::uint16_t *first_near, *first_far;    // the nearest background interval
-  const std::uint16_t *second_near, *second_far;  // the next one
-  const std::uint16_t* last;                      // the end of the farthest
+  const std::uint16_t* near;  // inside the wagon from here, or nullptr: from near_all everywhere
+  std::uint16_t near_all;     // at least 1, as `near`: no reading is never inside
+  const std::uint16_t* far;   // to here; 0: nowhere
+  const std::uint16_t *first_near, *first_far;  // the nearest background interval
+  // The next one; where there is none it begins behind every reading and ends where the first does.
+  const std::uint16_t *second_near, *second_far;
 };
 
 // For 64 pixels a word: bits of `before` are set where the reading is inside the wagon, in neither
-// interval, and not beyond the last; bits of `beyond` likewise, but beyond the last. Never
+// interval, and not beyond second_far; bits of `beyond` likewise, but beyond it. Never
 // allocates.
 using IntervalKernel = void (*)(const std::uint16_t* raw, const IntervalArrays& arrays,
                                 std::size_t words, std::uint64_t* before, std::uint64_t* beyond);

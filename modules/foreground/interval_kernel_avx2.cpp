@@ -27,6 +27,7 @@ std::uint64_t bits_of(__m256i low, __m256i high) {
 void compare_intervals_avx2(const std::uint16_t* raw, const IntervalArrays& arrays,
                             std::size_t words, std::uint64_t* before, std::uint64_t* beyond) {
   const __m256i zero = _mm256_setzero_si256();
+  const __m256i near_all = _mm256_set1_epi16(static_cast<short>(arrays.near_all));
   for (std::size_t word = 0; word < words; ++word) {
     const std::size_t first = word * 64;
     __m256i values[4], open[4];
@@ -48,12 +49,13 @@ void compare_intervals_avx2(const std::uint16_t* raw, const IntervalArrays& arra
     __m256i is_before[4], is_beyond[4];
     for (std::size_t i = 0; i < 4; ++i) {
       const std::size_t at = first + i * 16;
-      const __m256i second =
-          within(values[i], load(arrays.second_near + at), load(arrays.second_far + at));
-      const __m256i inside = within(values[i], load(arrays.near + at), load(arrays.far + at));
+      const __m256i second_far = load(arrays.second_far + at);
+      const __m256i second = within(values[i], load(arrays.second_near + at), second_far);
+      const __m256i near = arrays.near != nullptr ? load(arrays.near + at) : near_all;
+      const __m256i inside = within(values[i], near, load(arrays.far + at));
       const __m256i told = _mm256_andnot_si256(second, _mm256_and_si256(inside, open[i]));
       const __m256i not_beyond =
-          _mm256_cmpeq_epi16(_mm256_min_epu16(values[i], load(arrays.last + at)), values[i]);
+          _mm256_cmpeq_epi16(_mm256_min_epu16(values[i], second_far), values[i]);
       is_before[i] = _mm256_and_si256(told, not_beyond);
       is_beyond[i] = _mm256_andnot_si256(not_beyond, told);
     }

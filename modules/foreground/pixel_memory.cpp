@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 
 namespace wagonsight {
 namespace {
@@ -16,6 +17,7 @@ constexpr float kSpeedMax_m_s = 2.0F;
 constexpr float kJump_m = 0.3F;
 // Two moves are somebody; one is a surface that was uncovered.
 constexpr std::uint8_t kMovesMin = 2;
+constexpr int kMovesMax = 3, kStillMax = 63;  // what is counted
 // A flicker adds so much unrest, a round of a quarter of a second takes one away: two flickers
 // within four seconds make a pixel restless, and it stays so while it flickers every ten seconds.
 constexpr int kUnrestPerFlicker = 40;
@@ -31,12 +33,14 @@ void visit_bits(std::uint64_t bits, Visit&& visit) {
 }  // namespace
 
 PixelMemory::PixelMemory(const SensorView& view)
-    : unknown_(view.pixel_count()),
+    : moved_to_(view.pixel_count()),
+      motion_(view.pixel_count()),
       unknown_before_((view.pixel_count() + 63) / 64),
       foreground_before_(unknown_before_.capacity()),
       restless_(unknown_before_.capacity()),
       unrest_(view.pixel_count()) {
-  unknown_.resize(unknown_.capacity());
+  moved_to_.resize(moved_to_.capacity());
+  motion_.resize(motion_.capacity());
   unrest_.resize(unrest_.capacity());
   for (auto* bits : {&unknown_before_, &foreground_before_, &restless_}) {
     bits->resize(bits->capacity());
@@ -76,24 +80,24 @@ void PixelMemory::promote_moving(const SensorView& view, DepthImage image, float
     const std::uint64_t now = unknown[word], before = unknown_before_[word];
     visit_bits(now, [&](std::size_t place) {
       const std::size_t pixel = word * 64 + place;
-      Unknown& memory = unknown_[pixel];
+      std::uint16_t& moved_to = moved_to_[pixel];
+      Motion& motion = motion_[pixel];
       const std::uint16_t raw = image.pixels[pixel];
-      if (((before >> place) & 1) == 0) {
-        memory = {raw, 0, 0};
+      const float moved = std::abs(view.depth().z(raw) - view.depth().z(moved_to));
+      if (((before >> place) & 1) == 0 || moved > jump_m) {
+        moved_to = raw;
+        motion = {};
         return;
       }
-      const float moved = std::abs(view.depth().z(raw) - view.depth().z(memory.depth));
-      if (moved > jump_m) {
-        memory = {raw, 0, 0};
-      } else if (moved > view.depth().tolerance(raw)) {
-        memory.depth = raw;
-        memory.still = 0;
-        if (memory.moves < UINT8_MAX) ++memory.moves;
+      if (moved > view.depth().tolerance(raw)) {
+        moved_to = raw;
+        motion.still = 0;
+        motion.moves = static_cast<std::uint8_t>(std::min(motion.moves + 1, kMovesMax)) & 3U;
       } else {
-        memory.still = static_cast<std::uint8_t>(std::min(255, memory.still + step));
-        if (memory.still >= settled) memory.moves = 0;
+        motion.still = static_cast<std::uint8_t>(std::min(motion.still + step, kStillMax)) & 63U;
+        if (motion.still >= settled) motion.moves = 0;
       }
-      if (memory.moves < kMovesMin) return;
+      if (motion.moves < kMovesMin) return;
       foreground[word] |= std::uint64_t{1} << place;
       unknown[word] &= ~(std::uint64_t{1} << place);
     });
@@ -125,6 +129,14 @@ void PixelMemory::observe(std::span<const std::uint64_t> small, std::span<const 
     if (next_word_ >= words) next_word_ = 0;
     const std::size_t end = std::min(unrest_.size(), next_word_ * 64 + 64);
     for (std::size_t pixel = next_word_ * 64; pixel < end; ++pixel) {
+      if (pixel % 8 == 0 && pixel + 8 <= end) {  // most are calm: eight at a look
+        std::uint64_t eight = 0;
+        std::memcpy(&eight, &unrest_[pixel], sizeof eight);
+        if (eight == 0) {
+          pixel += 7;
+          continue;
+        }
+      }
       if (unrest_[pixel] == 0) continue;
       if (--unrest_[pixel] == kUnrestMax) {
         restless_[next_word_] &= ~(std::uint64_t{1} << (pixel % 64));

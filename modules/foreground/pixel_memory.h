@@ -30,13 +30,13 @@ class PixelMemory {
                float round_share);
 
  private:
-  struct Unknown {            // of a pixel that sees beyond all background
-    std::uint16_t depth = 0;  // where it last moved to, raw
-    std::uint8_t moves = 0;
-    std::uint8_t still = 0;  // since then, in 20 ms
+  struct Motion {            // of a pixel that sees beyond all background
+    std::uint8_t moves : 2;  // 3: three or more
+    std::uint8_t still : 6;  // since the last, in 20 ms, 63: as long or longer
   };
 
-  BoundedVector<Unknown> unknown_;
+  BoundedVector<std::uint16_t> moved_to_;  // raw
+  BoundedVector<Motion> motion_;
   BoundedVector<std::uint64_t> unknown_before_, foreground_before_;
   BoundedVector<std::uint64_t> restless_;  // a bit a pixel: unrest_ is above the limit
   BoundedVector<std::uint8_t> unrest_;

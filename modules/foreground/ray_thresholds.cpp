@@ -9,21 +9,37 @@
 
 namespace wagonsight {
 
+namespace {
+
+constexpr std::uint16_t kBehindAll = UINT16_MAX;  // no reading is this: DepthModel ends below
+
+}  // namespace
+
 RayThresholds::RayThresholds(const SensorView& view)
     : width_(static_cast<std::size_t>(view.width())),
       height_(static_cast<std::size_t>(view.height())),
-      kernel_(best_interval_kernel()) {
+      kernel_(best_interval_kernel()),
+      near_all_(std::max<std::uint16_t>(view.depth().raw_near(), 1)) {
   const std::size_t pixels = view.pixel_count();
-  for (auto* array :
-       {&near_, &far_, &first_near_, &first_far_, &second_near_, &second_far_, &last_}) {
-    *array = std::make_unique<std::uint16_t[]>(pixels);
+  for (auto* array : {&far_, &first_near_, &first_far_, &second_near_, &second_far_}) {
+    *array = BoundedVector<std::uint16_t>(pixels);
+    array->resize(pixels);
   }
-  open_ = std::make_unique<std::uint64_t[]>((pixels + 63) / 64);
-  crowded_ = std::make_unique<std::uint64_t[]>((pixels + 63) / 64);
+  for (auto* bits : {&open_, &known_, &crowded_, &stale_}) {
+    *bits = BoundedVector<std::uint64_t>((pixels + 63) / 64);
+    bits->resize(bits->capacity());
+  }
   for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
     const RawInterval inside = view.inside(pixel);
-    near_[pixel] = inside.first;
-    far_[pixel] = inside.last;
+    const bool any = inside.first <= inside.last;
+    far_[pixel] = any ? inside.last : std::uint16_t{0};
+    if (!any || inside.first == near_all_ || !near_.empty()) continue;
+    // Only a sensor that looks into the wagon from outside needs a value a pixel.
+    near_ = BoundedVector<std::uint16_t>(pixels);
+    near_.resize(pixels);
+  }
+  for (std::size_t pixel = 0; pixel < near_.size(); ++pixel) {
+    near_[pixel] = std::max<std::uint16_t>(view.inside(pixel).first, 1);
   }
   reset();
 }
@@ -31,7 +47,8 @@ RayThresholds::RayThresholds(const SensorView& view)
 void RayThresholds::reset() {
   const std::size_t pixels = width_ * height_;
   for (std::size_t pixel = 0; pixel < pixels; ++pixel) store(pixel, {});
-  std::fill_n(open_.get(), (pixels + 63) / 64, std::uint64_t{0});
+  std::fill(open_.begin(), open_.end(), std::uint64_t{0});
+  std::fill(stale_.begin(), stale_.end(), std::uint64_t{0});
 }
 
 void RayThresholds::set_open(std::size_t pixel) {
@@ -39,19 +56,21 @@ void RayThresholds::set_open(std::size_t pixel) {
 }
 
 void RayThresholds::store(std::size_t pixel, const Intervals& intervals) {
+  const auto is_empty = [](RawInterval interval) { return interval.first > interval.last; };
+  const auto set_bit = [&](BoundedVector<std::uint64_t>& bits, bool on) {
+    const std::uint64_t bit = std::uint64_t{1} << (pixel % 64);
+    bits[pixel / 64] = on ? bits[pixel / 64] | bit : bits[pixel / 64] & ~bit;
+  };
   first_near_[pixel] = intervals.first.first;
   first_far_[pixel] = intervals.first.last;
-  second_near_[pixel] = intervals.second.first;
-  second_far_[pixel] = intervals.second.last;
-  last_[pixel] = intervals.last;
-  const std::uint64_t bit = std::uint64_t{1} << (pixel % 64);
-  std::uint64_t& crowded = crowded_[pixel / 64];
-  crowded = intervals.more ? crowded | bit : crowded & ~bit;
+  second_near_[pixel] = is_empty(intervals.second) ? kBehindAll : intervals.second.first;
+  second_far_[pixel] = is_empty(intervals.second) ? intervals.first.last : intervals.second.last;
+  set_bit(known_, !is_empty(intervals.first));
+  set_bit(crowded_, intervals.more);
 }
 
 void RayThresholds::Intervals::append(RawInterval next) {
   if (next.first > next.last) return;
-  last = std::max(last, next.last);
   if (first.first > first.last) {
     first = next;
   } else if (second.first > second.last) {
@@ -132,17 +151,29 @@ void RayThresholds::leaf_added(const SensorView& view, const BitOctree& backgrou
   });
 }
 
-void RayThresholds::leaf_removed(const SensorView& view, const BitOctree& background,
-                                 LeafAddress leaf) {
-  visit_pixels(view, leaf,
-               [&](std::size_t pixel, float, float) { walk_again(view, background, pixel); });
+void RayThresholds::leaf_removed(const SensorView& view, LeafAddress leaf) {
+  visit_pixels(view, leaf, [&](std::size_t pixel, float, float) {
+    stale_[pixel / 64] |= std::uint64_t{1} << (pixel % 64);
+  });
+  any_stale_ = true;
+}
+
+void RayThresholds::settle(const SensorView& view, const BitOctree& background) {
+  if (!any_stale_) return;
+  any_stale_ = false;
+  for (std::size_t word = 0; word < stale_.size(); ++word) {
+    for (std::uint64_t rest = stale_[word]; rest != 0; rest &= rest - 1) {
+      walk_again(view, background, word * 64 + static_cast<std::size_t>(std::countr_zero(rest)));
+    }
+    stale_[word] = 0;
+  }
 }
 
 void RayThresholds::join(const SensorView& view, const BitOctree& background, std::size_t pixel,
                          RawInterval readings) {
   if (readings.first > readings.last) return;
   const RawInterval first{first_near_[pixel], first_far_[pixel]};
-  const RawInterval second{second_near_[pixel], second_far_[pixel]};
+  const RawInterval second = this->second(pixel);
   if (readings.first >= first.first && readings.last <= first.last) return;
   if (is_crowded(pixel)) {
     store(pixel, walk(view, background, pixel, 0.0F, view.depth().z_max()));
@@ -163,8 +194,9 @@ void RayThresholds::walk_again(const SensorView& view, const BitOctree& backgrou
                                std::size_t pixel) {
   // Nothing came, so all leaves of the ray are still where they were known.
   const DepthModel& depth = view.depth();
-  const std::uint16_t near = first_near_[pixel], last = last_[pixel];
   if (!has_background(pixel)) return;
+  const std::uint16_t near = first_near_[pixel];
+  const std::uint16_t last = is_crowded(pixel) ? depth.raw_far() : second_far_[pixel];
   const float z_from =
       near <= depth.raw_near() ? 0.0F : depth.z(static_cast<std::uint16_t>(near - 1));
   const float z_to =
@@ -174,7 +206,7 @@ void RayThresholds::walk_again(const SensorView& view, const BitOctree& backgrou
 
 Reading RayThresholds::classify_by_octree(const SensorView& view, const BitOctree& background,
                                           std::size_t pixel, std::uint16_t raw) const {
-  if (raw == 0 || raw < near_[pixel] || raw > far_[pixel]) return Reading::kOutside;
+  if (raw == 0 || raw < near_of(pixel) || raw > far_[pixel]) return Reading::kOutside;
   bool hit = false;
   std::uint16_t last = 0;
   walk_ray(view, background, pixel, 0.0F, view.depth().z_max(), [&](float z_enter, float z_leave) {
@@ -190,38 +222,40 @@ Reading RayThresholds::classify_by_octree(const SensorView& view, const BitOctre
 
 Reading RayThresholds::classify(const SensorView& view, const BitOctree& background,
                                 std::size_t pixel, std::uint16_t raw) const {
-  if (raw == 0 || raw < near_[pixel] || raw > far_[pixel]) return Reading::kOutside;
+  if (raw == 0 || raw < near_of(pixel) || raw > far_[pixel]) return Reading::kOutside;
   if (raw >= first_near_[pixel] && raw <= first_far_[pixel]) return Reading::kBackground;
   if (raw >= second_near_[pixel] && raw <= second_far_[pixel]) return Reading::kBackground;
-  if (is_crowded(pixel) && raw > second_far_[pixel] && hits_leaf(view, background, pixel, raw)) {
-    return Reading::kBackground;
+  if (is_crowded(pixel) && raw > second_far_[pixel]) {
+    return classify_crowded(view, background, pixel, raw);
   }
-  return raw <= last_[pixel] || is_open(pixel) ? Reading::kForeground : Reading::kUnknown;
+  return raw <= second_far_[pixel] || is_open(pixel) ? Reading::kForeground : Reading::kUnknown;
 }
 
-// Only leaves near the reading can hold it, so only they are walked; two millimetres more, because
+// A reading beyond the two intervals that are remembered, of more. Leaves come nearest first, so
+// the first that reaches the reading or begins beyond it decides; two millimetres more, because
 // readings_of() rounds to one.
-bool RayThresholds::hits_leaf(const SensorView& view, const BitOctree& background,
-                              std::size_t pixel, std::uint16_t raw) const {
+Reading RayThresholds::classify_crowded(const SensorView& view, const BitOctree& background,
+                                        std::size_t pixel, std::uint16_t raw) const {
   const float z = view.depth().z(raw);
   const float reach = view.depth().tolerance(raw) + 0.002F;
-  bool hit = false;
-  walk_ray(view, background, pixel, std::max(0.0F, z - reach), z + reach,
+  Reading reading = is_open(pixel) ? Reading::kForeground : Reading::kUnknown;
+  walk_ray(view, background, pixel, std::max(0.0F, z - reach), view.depth().z_max(),
            [&](float z_enter, float z_leave) {
              const RawInterval leaf = view.depth().readings_of(z_enter, z_leave);
-             hit = leaf.first <= raw && raw <= leaf.last;
-             return !hit;
+             if (leaf.first > leaf.last || leaf.last < raw) return true;
+             reading = leaf.first <= raw ? Reading::kBackground : Reading::kForeground;
+             return false;
            });
-  return hit;
+  return reading;
 }
 
 void RayThresholds::classify(const SensorView& view, const BitOctree& background, DepthImage image,
                              std::span<std::uint64_t> foreground,
                              std::span<std::uint64_t> unknown) const {
   const std::size_t whole = image.pixel_count() / 64;
-  const IntervalArrays arrays{near_.get(),      far_.get(),         first_near_.get(),
-                              first_far_.get(), second_near_.get(), second_far_.get(),
-                              last_.get()};
+  const IntervalArrays arrays{near_.data(),       near_all_,         far_.data(),
+                              first_near_.data(), first_far_.data(), second_near_.data(),
+                              second_far_.data()};
   kernel_(image.pixels, arrays, whole, foreground.data(), unknown.data());
   for (std::size_t word = 0; word < whole; ++word) {
     const std::uint64_t told = foreground[word] | unknown[word];

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <span>
 
+#include "base/bounded_vector.h"
 #include "foreground/interval_kernel.h"
 #include "foreground/sensor_view.h"
 #include "voxel/bit_octree.h"
@@ -39,22 +39,24 @@ class RayThresholds {
   void set_open(std::size_t pixel);
   bool is_open(std::size_t pixel) const { return (open_[pixel / 64] >> (pixel % 64) & 1) != 0; }
   bool has_background(std::size_t pixel) const { return first_near_[pixel] <= first_far_[pixel]; }
-  std::span<const std::uint64_t> open_rays() const {
-    return {open_.get(), (width_ * height_ + 63) / 64};
-  }
+  std::span<const std::uint64_t> open_rays() const { return open_.span(); }
+  // The pixels of a word (64 from word * 64) of whose ray nothing is known.
+  std::uint64_t unknown_rays(std::size_t word) const { return ~(open_[word] | known_[word]); }
 
   // A leaf came: its readings join those of the pixels whose rays pass through it.
   void leaf_added(const SensorView& view, const BitOctree& background, LeafAddress leaf);
-  // A leaf went: those pixels' rays are walked again.
-  void leaf_removed(const SensorView& view, const BitOctree& background, LeafAddress leaf);
+  // A leaf went: those pixels' rays must be walked again, once by settle() whatever the number of
+  // their leaves that went.
+  void leaf_removed(const SensorView& view, LeafAddress leaf);
+  // After leaf_removed() and before classify().
+  void settle(const SensorView& view, const BitOctree& background);
   // Forgets everything, as for an empty octree.
   void reset();
 
  private:
   struct Intervals {  // of background readings, ascending, apart by one at least
     RawInterval first, second;
-    std::uint16_t last = 0;  // the end of the last of all
-    bool more = false;       // there are more than two
+    bool more = false;  // there are more than two
     void append(RawInterval next);
   };
   Intervals walk(const SensorView& view, const BitOctree& background, std::size_t pixel,
@@ -70,18 +72,29 @@ class RayThresholds {
   template <class Visit>
   void visit_pixels(const SensorView& view, LeafAddress leaf, Visit&& visit) const;
 
-  bool hits_leaf(const SensorView& view, const BitOctree& background, std::size_t pixel,
-                 std::uint16_t raw) const;
+  std::uint16_t near_of(std::size_t pixel) const {
+    return near_.empty() ? near_all_ : near_[pixel];
+  }
+  RawInterval second(std::size_t pixel) const { return {second_near_[pixel], second_far_[pixel]}; }
+  Reading classify_crowded(const SensorView& view, const BitOctree& background, std::size_t pixel,
+                           std::uint16_t raw) const;
   void classify_pixels(const SensorView& view, const BitOctree& background, DepthImage image,
                        std::uint64_t which, std::size_t word, std::span<std::uint64_t> foreground,
                        std::span<std::uint64_t> unknown) const;
 
   std::size_t width_, height_;
   IntervalKernel kernel_;
-  std::unique_ptr<std::uint16_t[]> near_, far_;  // inside the wagon
-  std::unique_ptr<std::uint16_t[]> first_near_, first_far_, second_near_, second_far_;
-  std::unique_ptr<std::uint16_t[]> last_;            // end of the last interval
-  std::unique_ptr<std::uint64_t[]> open_, crowded_;  // a bit a pixel
+  std::uint16_t near_all_;
+  BoundedVector<std::uint16_t> near_;  // inside the wagon from here; empty: from near_all_
+  BoundedVector<std::uint16_t> far_;   // to here, 0: nowhere
+  BoundedVector<std::uint16_t> first_near_, first_far_;
+  // Where there is no second interval it begins behind every reading and ends where the first does.
+  BoundedVector<std::uint16_t> second_near_, second_far_;
+  BoundedVector<std::uint64_t> open_;     // a bit a pixel, as all that follow
+  BoundedVector<std::uint64_t> known_;    // there is background on the ray
+  BoundedVector<std::uint64_t> crowded_;  // there are more than two intervals
+  BoundedVector<std::uint64_t> stale_;    // waits for settle()
+  bool any_stale_ = false;
 };
 
 }  // namespace wagonsight

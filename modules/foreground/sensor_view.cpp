@@ -105,6 +105,23 @@ LeafAddress SensorView::leaf_of(std::size_t pixel, std::uint16_t raw) const {
   return grid_.contains(leaf) ? grid_.address(leaf) : kNoLeaf;
 }
 
+// The sums are in the order of point_W(), so that both give the same bits; a plain loop without
+// aliases, which the compiler turns into several pixels at a time.
+void SensorView::points_W(std::span<const PixelRay> rays, std::span<const float> z, float* x_W,
+                          float* y_W, float* z_W) const {
+  const Eigen::Vector3f across = columns_W_[0], down = columns_W_[1], along = columns_W_[2];
+  const Eigen::Vector3f origin = origin_W_;
+  const PixelRay* __restrict const ray = rays.data();
+  const float* __restrict const depth = z.data();
+  float* __restrict const x = x_W, * __restrict const y = y_W, * __restrict const up = z_W;
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    const auto u = static_cast<float>(ray[i].x), v = static_cast<float>(ray[i].y);
+    x[i] = origin.x() + depth[i] * (across.x() * u + down.x() * v + along.x());
+    y[i] = origin.y() + depth[i] * (across.y() * u + down.y() * v + along.y());
+    up[i] = origin.z() + depth[i] * (across.z() * u + down.z() * v + along.z());
+  }
+}
+
 std::optional<SensorView::Position> SensorView::project_anywhere(const Eigen::Vector3f& p_W) const {
   const Eigen::Vector3f p = R_SW_ * p_W + t_SW_;
   if (p.z() < 0.05F) return std::nullopt;

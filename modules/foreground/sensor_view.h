@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "frame/image.h"
@@ -77,6 +78,11 @@ class SensorView {
   }
   const Eigen::Vector3f& origin_W() const { return origin_W_; }
   Eigen::Vector3f point_W(std::size_t pixel, float z) const { return origin_W_ + z * ray_W(pixel); }
+  // point_W() of pixels anywhere in the image, by their rays and depths; as many as there are
+  // depths.
+  void points_W(std::span<const PixelRay> rays, std::span<const float> z, float* x_W, float* y_W,
+                float* z_W) const;
+  PixelRay ray(std::size_t pixel) const { return rays_[pixel]; }
   // In leaves from the grid's corner.
   Eigen::Vector3f ray_grid(std::size_t pixel) const { return ray_W(pixel) * leaves_per_m_; }
   const Eigen::Vector3f& origin_grid() const { return origin_grid_; }

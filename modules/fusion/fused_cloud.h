@@ -42,7 +42,7 @@ struct Contribution {
 };
 
 struct FusedCloud {
-  FusedCloud() : points(kFusedPointsMax), contributions(kFusedPointsMax) {}
+  FusedCloud() : points(kFusedPointsMax), contributions(kContributionsMax) {}
 
   BoundedVector<FusedPoint> points;
   BoundedVector<Contribution> contributions;

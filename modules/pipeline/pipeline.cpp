@@ -16,9 +16,10 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
   if (rig.sensors.empty())
     return fail("the rig has no sensor, so there is nothing to watch with; add one to it");
   auto state = std::make_unique<State>(rig, wagon, options);
-  const ForegroundOptions foreground{options.leaf_m,       options.voxel_m,
-                                     options.noise_sigmas, options.blob_area_min_m2,
-                                     options.learning_s,   options.without_background};
+  const ForegroundOptions foreground{options.leaf_m,         options.voxel_m,
+                                     options.noise_sigmas,   options.blob_area_min_m2,
+                                     options.learning_s,     options.without_background,
+                                     options.evidence_bricks};
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const RigSensor& sensor = rig.sensors[i];
     if (rays[i].empty()) {
@@ -28,7 +29,10 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
     if (sensor.kind == SensorKind::kStereo)
       if (auto added = state->add_stereo(i, rays[i], wagon); !added)
         return tl::unexpected(added.error());
-    auto extractor = ForegroundExtractor::create(sensor, rays[i], wagon, foreground);
+    // Sensors are worked on one after the other, so one workspace does for all.
+    auto extractor =
+        ForegroundExtractor::create(sensor, rays[i], wagon, foreground,
+                                    i == 0 ? nullptr : state->lanes[0].extractor->workspace());
     if (!extractor)
       return fail(fmt::format("sensor {}: {}", sensor.name.view(), extractor.error().message));
     state->lanes[i].extractor = std::move(*extractor);

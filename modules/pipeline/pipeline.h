@@ -30,7 +30,8 @@ struct PipelineOptions {
   // For recordings of a few frames, from which no background can be learned: everything above the
   // floor is looked at, people are told from furniture by their shape and told at once.
   bool without_background = false;
-  StereoToDepthOptions stereo;  // of every stereo camera
+  StereoToDepthOptions stereo;                       // of every stereo camera
+  std::size_t evidence_bricks = kEvidenceBricksMax;  // a sensor's, for its background
 };
 
 enum class Stage : std::uint8_t { kToDepth, kExtract, kFuse, kPeople, kSituation };

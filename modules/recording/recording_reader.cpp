@@ -87,6 +87,12 @@ Result<void> RecordingReader::take_blob() {
   return {};
 }
 
+void RecordingReader::drop_blob() {
+  std::vector<std::byte>().swap(blob_);
+  own_rays_.clear();
+  rays_ = {};
+}
+
 Result<void> RecordingReader::take_own_channels() {
   for (const McapChannel& channel : mcap_.channels()) {
     const int sensor = find_sensor(rig_, value_of(channel.metadata, kSensorKey));

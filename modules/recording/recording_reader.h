@@ -42,6 +42,9 @@ class RecordingReader {
   // there are. Before the first next(), or rewind() afterwards.
   Result<void> take_only(std::string_view sensor);
 
+  // For whoever has the calibration from elsewhere: frees the blob, and rays() are empty from then.
+  void drop_blob();
+
   // The zero of "seconds since the recording's start".
   HostTime start() const { return start_; }
   // What one slot must hold for any frame of this recording.

@@ -178,6 +178,7 @@ struct Snapshot {
   double pipeline_latency_ms = 0;      // from the instant of a FrameSet to its answer
   double pipeline_cpu_share = 0;       // of one core
   std::uint64_t allocations_sealed = 0;
+  std::uint64_t page_faults = 0;  // of the tracking thread since its first instant
   std::uint64_t resident_bytes = 0;
   std::uint32_t slots_in_use = 0, slots_high_water = 0, slots_capacity = 0;  // of the FramePool
   std::uint32_t web_restarts = 0;

@@ -122,6 +122,7 @@ Json pipeline(const Snapshot& snapshot) {
   out["cpu_share"] = number(snapshot.pipeline_cpu_share, 4);
   out["resident_bytes"] = snapshot.resident_bytes;
   out["allocations_sealed"] = snapshot.allocations_sealed;
+  out["page_faults"] = snapshot.page_faults;
   out["slots_in_use"] = snapshot.slots_in_use;
   out["slots_high_water"] = snapshot.slots_high_water;
   out["slots_capacity"] = snapshot.slots_capacity;

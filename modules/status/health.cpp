@@ -38,8 +38,13 @@ bool is_running(const SensorStatus& sensor) {
          sensor.state == SensorState::kLearning;
 }
 
+// The first instants draw up the background and lose frames by it; that is told as learning.
+bool is_judged(const SensorStatus& sensor) {
+  return is_running(sensor) && sensor.state != SensorState::kLearning;
+}
+
 bool is_slow(const SensorStatus& sensor, const HealthLimits& limits) {
-  return is_running(sensor) && sensor.expected_fps > 0 &&
+  return is_judged(sensor) && sensor.expected_fps > 0 &&
          sensor.fps < limits.rate_share_min * sensor.expected_fps;
 }
 
@@ -95,7 +100,7 @@ void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus&
     out.fault(
         "sensor_lost", name, Verdict::kDegraded, fmt::format("Sensor {} {}.", name, since),
         fmt::format("Check the cable and the power of {}; it is taken up again by itself.", name));
-  } else if (is_running(sensor) && !overloaded) {
+  } else if (is_judged(sensor) && !overloaded) {
     judge_sensor_rate(out, sensor, limits);
   }
   if (sensor.stereo.misaligned)
@@ -145,18 +150,23 @@ void judge_sensors(Assessment& out, const Snapshot& snapshot, const HealthLimits
 void judge_pipeline(Assessment& out, const Snapshot& snapshot, const HealthLimits& limits) {
   const double age_s = snapshot.time - snapshot.frame.time;
   const bool fresh = snapshot.framesets > 0 && age_s <= limits.frame_age_s_max;
-  if (!fresh && snapshot.time > limits.frame_age_s_max)
+  const bool starting = snapshot.framesets == 0 && snapshot.time <= limits.start_s_max;
+  if (starting)
+    out.fault("starting", "", Verdict::kDegraded,
+              "The unit is starting: its sensors have not given a common frame yet.",
+              "Wait a few seconds.");
+  if (!fresh && !starting && snapshot.time > limits.frame_age_s_max)
     out.fault("pipeline_late", "", Verdict::kFailed,
               snapshot.framesets == 0
                   ? std::string("No frame has been worked on yet.")
                   : fmt::format("The newest answer is {} old.", duration_text(age_s)),
               "If the sensors give frames, fetch the diagnostics and restart the unit.");
-  if (snapshot.framesets_dropped_share > limits.dropped_share_max)
+  if (!snapshot.learning && snapshot.framesets_dropped_share > limits.dropped_share_max)
     out.fault("pipeline_drops", "", Verdict::kDegraded,
               fmt::format("The pipeline skipped {:.1f}% of the instants of the last ten seconds.",
                           100 * snapshot.framesets_dropped_share),
               "Look at the stage timings for the slow step, and stop what else runs on the unit.");
-  if (snapshot.learning)
+  if (snapshot.learning && !starting)
     out.fault("learning", "", Verdict::kDegraded,
               "The empty wagon is still being learned, so nobody is counted yet.",
               "Wait a few seconds; if people stand still in view, ask them to move.");

@@ -40,6 +40,7 @@ struct Health {
 struct HealthLimits {
   double snapshot_age_s_max = 3.0;  // the control thread publishes many times a second
   double frame_age_s_max = 1.0;
+  double start_s_max = 5.0;         // until the first frame is worked on
   double rate_share_min = 0.8;      // of the expected rate
   double dropped_share_max = 0.01;  // what the product promises
   double skew_ms_max = 20.0;  // an unsynchronised Kinect is at most half a frame away: 16.7 ms

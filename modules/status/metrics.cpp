@@ -191,6 +191,8 @@ void tell_pipeline(MetricsText& out, const Snapshot& snapshot) {
 void tell_unit(MetricsText& out, const Snapshot& snapshot) {
   out.gauge("resident_memory_bytes", "Of the daemon.",
             static_cast<double>(snapshot.resident_bytes));
+  out.counter("page_faults_total", "Page faults of the data path after its first instant.",
+              snapshot.page_faults);
   out.counter("allocations_sealed_total", "Allocations of data threads after start-up.",
               snapshot.allocations_sealed);
   out.gauge("frame_slots_in_use", "Frame buffers in use.", snapshot.slots_in_use);

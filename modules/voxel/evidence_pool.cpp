@@ -6,11 +6,12 @@
 
 namespace wagonsight {
 
-EvidencePool::EvidencePool(const LeafGrid& grid)
-    : capacity_(std::min(grid.brick_count(), kEvidenceBricksMax)),
+EvidencePool::EvidencePool(const LeafGrid& grid, std::size_t bricks_max)
+    : capacity_(std::min(grid.brick_count(), bricks_max)),
       slots_(std::make_unique<std::uint32_t[]>(grid.brick_count())),
       places_(std::make_unique<std::uint32_t[]>(grid.brick_count())),
       leaves_(make_fresh_array<LeafEvidence>(capacity_ * kBrickLeaves)),
+      sights_(make_fresh_array<Sight>(capacity_)),
       free_slots_(capacity_),
       bricks_(capacity_) {
   std::fill_n(slots_.get(), grid.brick_count(), kNoSlot);
@@ -33,7 +34,39 @@ LeafEvidence* EvidencePool::find_or_add(LeafAddress address) {
   places_[brick_address] = static_cast<std::uint32_t>(bricks_.size());
   (void)bricks_.try_push_back(brick_address);
   std::fill_n(&leaves_[std::size_t{slot} * kBrickLeaves], kBrickLeaves, LeafEvidence{});
+  sights_[slot] = {};
   return find(address);
+}
+
+EvidencePool::Sight& EvidencePool::sight(LeafAddress address, std::uint32_t round) {
+  Sight& sight = sights_[slots_[address >> 9]];
+  if (sight.round == round) return sight;
+  sight.before = sight.round + 1 == round ? sight.now : decltype(sight.before){};
+  sight.now = {};
+  sight.round = round;
+  return sight;
+}
+
+bool EvidencePool::see(LeafAddress address, std::uint32_t round) {
+  std::uint64_t& word = sight(address, round).now[(address & 511) / 64];
+  const std::uint64_t bit = std::uint64_t{1} << (address & 63);
+  const bool is_new = (word & bit) == 0;
+  word |= bit;
+  return is_new;
+}
+
+bool EvidencePool::seen(LeafAddress address, std::uint32_t round) const {
+  const Sight& sight = sights_[slots_[address >> 9]];
+  return sight.round == round && ((sight.now[(address & 511) / 64] >> (address & 63)) & 1) != 0;
+}
+
+bool EvidencePool::seen_lately(LeafAddress address, std::uint32_t round) const {
+  const Sight& sight = sights_[slots_[address >> 9]];
+  const std::size_t word = (address & 511) / 64;
+  std::uint64_t seen = 0;
+  if (sight.round == round) seen = sight.now[word] | sight.before[word];
+  if (sight.round + 1 == round) seen = sight.now[word];
+  return ((seen >> (address & 63)) & 1) != 0;
 }
 
 std::span<LeafEvidence, kBrickLeaves> EvidencePool::brick(BrickAddress brick) {

@@ -17,12 +17,14 @@ struct LeafEvidence {
 };
 
 // Evidence for those leaves that anything was ever observed in: a fixed number of bricks of
-// counters, given out when a brick is first written and taken back when it is forgotten. Allocates
-// in the constructor only; pages of bricks that were never given out stay untouched.
+// counters, given out when a brick is first written and taken back when it is forgotten. Beside its
+// counters each leaf remembers whether it was seen in this round and in the one before (rounds are
+// numbered by the caller): two sets of leaves in two buffers of bits, as Kammerl's octree has, but
+// only of bricks that matter. Allocates in the constructor only.
 class EvidencePool {
  public:
-  // At most kEvidenceBricksMax bricks, and never more than the grid has.
-  explicit EvidencePool(const LeafGrid& grid);
+  // At most `bricks_max` bricks, and never more than the grid has.
+  explicit EvidencePool(const LeafGrid& grid, std::size_t bricks_max = kEvidenceBricksMax);
 
   // The evidence of a leaf, or nullptr: nothing was observed there.
   LeafEvidence* find(LeafAddress address) {
@@ -35,6 +37,11 @@ class EvidencePool {
   // The evidence of a leaf, its brick fetched from the pool when it is new; nullptr when the pool
   // is used up (counted by refused()).
   LeafEvidence* find_or_add(LeafAddress address);
+  // Marks a leaf that has evidence as seen in `round`, which never falls; true when it was not yet.
+  bool see(LeafAddress address, std::uint32_t round);
+  // Whether a leaf that has evidence was seen in `round`, or in it or the round before.
+  bool seen(LeafAddress address, std::uint32_t round) const;
+  bool seen_lately(LeafAddress address, std::uint32_t round) const;
   // Bricks that have evidence, in no particular but a deterministic order.
   std::span<const BrickAddress> bricks() const { return bricks_.span(); }
   // The counters of a brick that has evidence.
@@ -49,10 +56,18 @@ class EvidencePool {
  private:
   static constexpr std::uint32_t kNoSlot = UINT32_MAX;
 
+  struct Sight {
+    std::array<std::uint64_t, kBrickLeaves / 64> now{}, before{};  // seen in `round`, in round - 1
+    std::uint32_t round = 0;
+  };
+  // The brick's sets as of `round`.
+  Sight& sight(LeafAddress address, std::uint32_t round);
+
   std::size_t capacity_;
   std::unique_ptr<std::uint32_t[]> slots_;   // by brick
   std::unique_ptr<std::uint32_t[]> places_;  // by brick: where in bricks_
   FreshArray<LeafEvidence> leaves_;          // by slot
+  FreshArray<Sight> sights_;                 // by slot
   BoundedVector<std::uint32_t> free_slots_;
   BoundedVector<BrickAddress> bricks_;
   std::uint64_t refused_ = 0;

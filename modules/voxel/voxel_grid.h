@@ -22,15 +22,18 @@ struct VoxelMean {
 // nothing. Allocates in the constructor only. Not thread-safe.
 class VoxelGrid {
  public:
-  // Holds up to `capacity` voxels at a time, in up to half as many blocks (a surface has a dozen
-  // voxels a block).
+  // Holds up to `capacity` voxels at a time, at most 65,535, in up to a quarter as many blocks (a
+  // surface has a dozen voxels a block).
   VoxelGrid(std::size_t capacity, double voxel_m);
 
   // Forgets all voxels.
   void clear();
   // Adds a point (finite, within +-1,000,000 voxels of the origin). False when its voxel is new and
   // there is no room for it.
-  bool add(float x, float y, float z);
+  bool add(float x, float y, float z) { return add({&x, 1}, {&y, 1}, {&z, 1}) == 0; }
+  // Adds points in their order, as many as there are x, y and z; returns how many found no room.
+  // Meant for pixels of one row after the other, whose neighbours mostly share a voxel.
+  std::size_t add(std::span<const float> x, std::span<const float> y, std::span<const float> z);
 
   std::size_t size() const { return voxels_.size(); }
   // The voxels in the order in which they got their first point.
@@ -54,7 +57,9 @@ class VoxelGrid {
   static constexpr std::size_t kBlockVoxels = 64;
 
   // The voxels of a block, by place: index + 1, 0 where none is yet. nullptr when all are used.
-  std::uint32_t* find_block(const BlockKey& key);
+  std::uint16_t* find_block(const BlockKey& key);
+  // The voxel, made when it is new. nullptr when there is no room.
+  Voxel* find_voxel(int i, int j, int k);
 
   float voxel_m_;
   float per_voxel_;
@@ -62,11 +67,11 @@ class VoxelGrid {
   std::size_t slot_mask_;
   FreshArray<Slot> slots_;
   std::size_t block_count_ = 0;
-  std::unique_ptr<std::uint32_t[]> blocks_;
+  FreshArray<std::uint16_t> blocks_;
   BoundedVector<Voxel> voxels_;
   std::uint32_t generation_ = 1;
   BlockKey latest_key_;
-  std::uint32_t* latest_ = nullptr;  // the block of the last point
+  std::uint16_t* latest_ = nullptr;  // the block of the last point
 };
 
 }  // namespace wagonsight

@@ -5,6 +5,7 @@ namespace wagonsight::bench {
 // Each registers its entries for every scene.
 void register_chain();
 void register_pcl();
+void register_fuse_and_record();
 
 // The same choices for every contestant.
 inline constexpr double kLeaf_m = 0.05;

@@ -1,6 +1,7 @@
 #include "bench/euclidean_clusters.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace wagonsight::bench {
@@ -24,6 +25,9 @@ EuclideanClusters::EuclideanClusters(const Bounds& inside, double tolerance_m,
     count *= static_cast<std::size_t>(size_[axis]);
   }
   cell_at_ = std::make_unique<std::uint32_t[]>(count);
+  row_bytes_ = static_cast<std::size_t>(size_[0]) / 8 + 2;
+  occupied_ = std::make_unique<std::uint8_t[]>(row_bytes_ * static_cast<std::size_t>(size_[1]) *
+                                               static_cast<std::size_t>(size_[2]));
 }
 
 std::uint32_t EuclideanClusters::root(std::uint32_t cell) {
@@ -48,6 +52,8 @@ void EuclideanClusters::fill(std::span<const ForegroundPoint> points) {
       const auto index = static_cast<std::uint32_t>(cells_.size());
       (void)cells_.try_push_back({kNoPoint, index, 0, x, y, z});
       at = index + 1;
+      occupied_[static_cast<std::size_t>(z * size_[1] + y) * row_bytes_ +
+                static_cast<std::size_t>(x / 8)] |= static_cast<std::uint8_t>(1U << (x % 8));
     }
     Cell& cell = cells_[at - 1];
     next_point_[i] = cell.first;
@@ -58,7 +64,10 @@ void EuclideanClusters::fill(std::span<const ForegroundPoint> points) {
 
 void EuclideanClusters::join(std::span<const ForegroundPoint> points, std::uint32_t a,
                              std::uint32_t b) {
+  if (cells_[a].parent == cells_[b].parent) return;
   const std::uint32_t root_a = root(a), root_b = root(b);
+  cells_[a].parent = root_a;
+  cells_[b].parent = root_b;
   if (root_a == root_b) return;
   for (std::uint32_t i = cells_[a].first; i != kNoPoint; i = next_point_[i]) {
     for (std::uint32_t j = cells_[b].first; j != kNoPoint; j = next_point_[j]) {
@@ -71,20 +80,35 @@ void EuclideanClusters::join(std::span<const ForegroundPoint> points, std::uint3
   }
 }
 
+void EuclideanClusters::join_row(std::span<const ForegroundPoint> points, int dy, int dz,
+                                 unsigned offsets) {
+  for (std::uint32_t index = 0; index < cells_.size(); ++index) {
+    const Cell& cell = cells_[index];
+    const int row = (cell.z + dz) * size_[1] + cell.y + dy;
+    const int x = cell.x - 2;
+    const std::uint8_t* const bits =
+        &occupied_[static_cast<std::size_t>(row) * row_bytes_ + static_cast<std::size_t>(x / 8)];
+    unsigned there = (static_cast<unsigned>(bits[0] | bits[1] << 8) >> (x % 8)) & offsets;
+    for (; there != 0; there &= there - 1) {
+      const int other = row * size_[0] + x + std::countr_zero(there);
+      join(points, index, cell_at_[static_cast<std::size_t>(other)] - 1);
+    }
+  }
+}
+
 std::size_t EuclideanClusters::count(std::span<const ForegroundPoint> points,
                                      std::uint32_t points_min) {
   fill(points);
-  for (std::uint32_t index = 0; index < cells_.size(); ++index) {
-    const Cell cell = cells_[index];
-    // The half of the neighbourhood that comes before; the other half looks from its own side.
-    for (int dz = -2; dz <= 0; ++dz) {
-      for (int dy = -2; dy <= (dz == 0 ? 0 : 2); ++dy) {
-        const int row = ((cell.z + dz) * size_[1] + cell.y + dy) * size_[0] + cell.x;
-        for (int dx = -2; dx <= (dz == 0 && dy == 0 ? -1 : 2); ++dx) {
-          const std::uint32_t other = cell_at_[static_cast<std::size_t>(row + dx)];
-          if (other != 0) join(points, index, other - 1);
-        }
-      }
+  // The half of the neighbourhood that comes before; the other half looks from its own side.
+  constexpr unsigned kNear = 0b01110, kAll = 0b11111, kBefore = 0b00011;
+  join_row(points, 0, 0, kBefore);
+  for (int dz = -1; dz <= 0; ++dz) {
+    for (int dy = -1; dy <= (dz == 0 ? -1 : 1); ++dy) join_row(points, dy, dz, kNear);
+  }
+  for (int dz = -2; dz <= 0; ++dz) {
+    for (int dy = -2; dy <= (dz == 0 ? -1 : 2); ++dy) {
+      const bool near = dz >= -1 && dy >= -1 && dy <= 1;
+      join_row(points, dy, dz, near ? kAll & ~kNear : kAll);
     }
   }
   std::size_t clusters = 0;
@@ -95,7 +119,9 @@ std::size_t EuclideanClusters::count(std::span<const ForegroundPoint> points,
   for (std::uint32_t index = 0; index < cells_.size(); ++index) {
     const Cell& cell = cells_[index];
     if (cell.parent == index && cell.points >= points_min) ++clusters;
-    cell_at_[static_cast<std::size_t>((cell.z * size_[1] + cell.y) * size_[0] + cell.x)] = 0;
+    const auto row = static_cast<std::size_t>(cell.z * size_[1] + cell.y);
+    cell_at_[row * static_cast<std::size_t>(size_[0]) + static_cast<std::size_t>(cell.x)] = 0;
+    occupied_[row * row_bytes_ + static_cast<std::size_t>(cell.x / 8)] = 0;
   }
   return clusters;
 }

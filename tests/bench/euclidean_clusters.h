@@ -12,7 +12,8 @@ namespace wagonsight::bench {
 
 // Exact Euclidean clusters, as PCL's EuclideanClusterExtraction defines them: points that are
 // joined by steps of at most `tolerance_m`. Cells are so small that points of one cell always
-// belong together; each pair of near cells is then tried until two of its points are near enough.
+// belong together; each pair of near cells that is not joined yet is then tried until two of its
+// points are near enough, nearest cells first, so that few pairs are left for the far ones.
 class EuclideanClusters {
  public:
   EuclideanClusters(const Bounds& inside, double tolerance_m, std::size_t points_max);
@@ -26,6 +27,9 @@ class EuclideanClusters {
     int x = 0, y = 0, z = 0;
   };
   std::uint32_t root(std::uint32_t cell);
+  // Tries all pairs of cells that are (dx, dy, dz) apart; dx from the lowest to the highest bit of
+  // five that is set in `offsets`, which stand for -2 to 2.
+  void join_row(std::span<const ForegroundPoint> points, int dy, int dz, unsigned offsets);
   void fill(std::span<const ForegroundPoint> points);
   void join(std::span<const ForegroundPoint> points, std::uint32_t a, std::uint32_t b);
 
@@ -33,6 +37,8 @@ class EuclideanClusters {
   float per_cell_, tolerance_squared_;
   int size_[3];
   std::unique_ptr<std::uint32_t[]> cell_at_;  // index + 1 of the cell there, 0: none
+  std::unique_ptr<std::uint8_t[]> occupied_;  // a bit a cell, rows apart
+  std::size_t row_bytes_;
   BoundedVector<Cell> cells_;
   BoundedVector<std::uint32_t> next_point_;  // the next point of the same cell
 };

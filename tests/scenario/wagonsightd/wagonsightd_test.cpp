@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <spawn.h>
 #include <sys/mman.h>
+#include <sys/ptrace.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -14,6 +15,7 @@
 #include <array>
 #include <atomic>
 #include <csignal>
+#include <cstring>
 #include <fstream>
 #include <memory>
 #include <sstream>
@@ -191,6 +193,17 @@ class Daemon : public testing::Test {
     close(fd);
     return text;
   }
+  // 0 when there is none.
+  pid_t thread_named(const std::string& name) const {
+    const std::string folder = "/proc/" + std::to_string(program_->pid()) + "/task/";
+    DIR* listing = opendir(folder.c_str());
+    pid_t found = 0;
+    while (const dirent* entry = listing != nullptr ? readdir(listing) : nullptr)
+      if (read_text(folder + entry->d_name + "/comm") == name + "\n")
+        found = std::stoi(entry->d_name);
+    if (listing != nullptr) closedir(listing);
+    return found;
+  }
   bool answers() const { return get("/livez").starts_with("HTTP/1.1 200"); }
   // Frames are worked on from here on, whatever happens to the web side.
   bool frames_go_on() {
@@ -275,6 +288,31 @@ TEST_F(Daemon, TakesItsWebSideAlongWhenItIsKilled) {
     const std::string status = read_text("/proc/" + std::to_string(web) + "/status");
     return status.empty() || status.find("State:\tZ") != std::string::npos;
   }));
+}
+
+// Stops the tracking thread alone, as a debugger does.
+TEST_F(Daemon, SaysThatTrackingHangs) {
+  const pid_t tracking = thread_named("tracking");
+  ASSERT_GT(tracking, 0);
+  if (ptrace(PTRACE_SEIZE, tracking, nullptr, nullptr) != 0)
+    GTEST_SKIP() << "this system lets nobody stop another's thread: " << std::strerror(errno);
+  ASSERT_EQ(ptrace(PTRACE_INTERRUPT, tracking, nullptr, nullptr), 0);
+  ASSERT_EQ(waitpid(tracking, nullptr, __WALL), tracking);
+  // The web side lives meanwhile, and says what is wrong.
+  EXPECT_TRUE(
+      comes_true([&] { return get("/api/v1/health").find("pipeline_late") != std::string::npos; }));
+  EXPECT_THAT(get("/readyz"), StartsWith("HTTP/1.1 503"));
+  ASSERT_EQ(ptrace(PTRACE_DETACH, tracking, nullptr, nullptr), 0) << std::strerror(errno);
+  EXPECT_TRUE(frames_go_on());
+}
+
+TEST_F(Daemon, HoldsAllMemoryOfItsDataPathFromTheStart) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer's memory is not ours";
+#endif
+  ASSERT_TRUE(comes_true([&] { return framesets() > 120; }));
+  // Code of shared libraries that runs for the first time is not memory of ours.
+  EXPECT_LE(snapshot_->page_faults, 16U);
 }
 
 TEST_F(Daemon, KeepsItsHeapSealed) {

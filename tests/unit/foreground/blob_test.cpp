@@ -73,7 +73,7 @@ TEST(BlobFinder, KeepsTheComponentsThatFloodFillFinds) {
     }
     // A pixel at 2 m covers 0.0048 m2 here.
     const double area_min = 0.02;
-    BlobFinder finder(s.view, area_min, 0.1, 0.05);
+    BlobFinder finder(s.view, area_min, 0.1, 0.05, std::make_shared<BlobWorkspace>(0.05));
     Foreground out(pixels);
     finder.find(s.view, {image.data(), width, height}, foreground, unknown, rejected, out);
     const auto label = flood_fill(image, on, width, height, s.view);
@@ -116,7 +116,7 @@ TEST(BlobFinder, KeepsUnknownPixelsOnlyWithForeground) {
     for (int u = 2; u < 6; ++u) set(u < 4 ? foreground : unknown, u, v);  // half and half
     for (int u = 12; u < 16; ++u) set(unknown, u, v);                     // nothing but unknown
   }
-  BlobFinder finder(s.view, 0.01, 0.1, 0.05);
+  BlobFinder finder(s.view, 0.01, 0.1, 0.05, std::make_shared<BlobWorkspace>(0.05));
   Foreground out(image.size());
   finder.find(s.view, {image.data(), width, height}, foreground, unknown, rejected, out);
   ASSERT_EQ(out.blobs.size(), 1U);

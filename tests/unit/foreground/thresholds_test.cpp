@@ -115,7 +115,8 @@ TEST(RayThresholds, RememberedIntervalsEqualTheOctree) {
       if (!leaves.empty() && *rc::gen::inRange(0, 3) == 0) {
         const auto which = *rc::gen::inRange<std::size_t>(0, leaves.size());
         background.erase(leaves[which]);
-        thresholds.leaf_removed(s.view, background, leaves[which]);
+        thresholds.leaf_removed(s.view, leaves[which]);
+        if (*rc::gen::arbitrary<bool>()) thresholds.settle(s.view, background);
         leaves.erase(leaves.begin() + static_cast<std::ptrdiff_t>(which));
       } else {
         const LeafAddress leaf = any_seen_leaf(s.view);
@@ -124,6 +125,7 @@ TEST(RayThresholds, RememberedIntervalsEqualTheOctree) {
         leaves.push_back(leaf);
       }
     }
+    thresholds.settle(s.view, background);
     thresholds.set_open(17);
     std::vector<std::uint16_t> image(s.view.pixel_count());
     for (auto& raw : image) {
@@ -159,14 +161,18 @@ TEST(IntervalKernel, Avx2EqualsTheScalarTwin) {
                                      rc::gen::inRange<std::uint16_t>(65533, 65535)));
     };
     const auto raw = any_array(), near = any_array(), far = any_array(), first_near = any_array(),
-               first_far = any_array(), second_near = any_array(), second_far = any_array(),
-               last = any_array();
+               first_far = any_array(), second_near = any_array(), second_far = any_array();
     // The contract of RayThresholds: a pixel without a reading is never inside.
     auto near_above_zero = near;
     for (auto& value : near_above_zero) value = std::max<std::uint16_t>(value, 1);
     const IntervalArrays arrays{
-        near_above_zero.data(), far.data(),        first_near.data(), first_far.data(),
-        second_near.data(),     second_far.data(), last.data()};
+        *rc::gen::element(near_above_zero.data(), static_cast<std::uint16_t*>(nullptr)),
+        *rc::gen::inRange<std::uint16_t>(1, 5),
+        far.data(),
+        first_near.data(),
+        first_far.data(),
+        second_near.data(),
+        second_far.data()};
     std::vector<std::uint64_t> before(words), beyond(words), before2(words), beyond2(words);
     compare_intervals_scalar(raw.data(), arrays, words, before.data(), beyond.data());
     compare_intervals_avx2(raw.data(), arrays, words, before2.data(), beyond2.data());

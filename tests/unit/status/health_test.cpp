@@ -167,6 +167,28 @@ const Broken kBroken[] = {
      {"learning"},
      Verdict::kDegraded,
      false},
+    {"Starting",
+     [](Snapshot& s, UnitInfo&) {
+       s.time = 3;
+       s.framesets = 0;
+       s.learning = true;
+     },
+     {"starting"},
+     Verdict::kDegraded,
+     false},
+    {"LearningLosesFrames",
+     [](Snapshot& s, UnitInfo&) {
+       s.learning = true;
+       s.framesets_dropped_share = 0.2;
+       for (SensorStatus& sensor : s.sensors) {
+         sensor.state = SensorState::kLearning;
+         sensor.fps = 9;
+         sensor.dropped_share = 0.2;
+       }
+     },
+     {"learning"},
+     Verdict::kDegraded,
+     false},
     {"NoCalibration",
      [](Snapshot& s, UnitInfo&) { s.calibration.present = false; },
      {"no_calibration"},

@@ -44,6 +44,33 @@ TEST(EvidencePool, IsAMapOfLeaves) {
   }));
 }
 
+TEST(EvidencePool, RemembersWhatWasSeenInThisRoundAndTheOneBefore) {
+  EXPECT_TRUE(rc::check("the sets of two rounds equal those of a std::map", [] {
+    const auto grid = LeafGrid::cover({0, 0, 0}, {0.6, 0.6, 0.6}, 0.02);
+    EvidencePool pool(*grid);
+    std::map<LeafAddress, std::uint32_t> last_seen;    // its last round
+    std::map<LeafAddress, std::uint32_t> seen_before;  // the one before that
+    std::uint32_t round = 2;
+    const int steps = *rc::gen::inRange(0, 200);
+    for (int i = 0; i < steps; ++i) {
+      if (*rc::gen::inRange(0, 5) == 0) round += *rc::gen::inRange<std::uint32_t>(1, 4);
+      const auto leaf = *rc::gen::inRange<LeafAddress>(0, 1200);
+      (void)pool.find_or_add(leaf);
+      const auto at_round = [&](std::uint32_t when) {
+        return (last_seen.count(leaf) != 0 && last_seen[leaf] == when) ||
+               (seen_before.count(leaf) != 0 && seen_before[leaf] == when);
+      };
+      RC_ASSERT(pool.seen(leaf, round) == at_round(round));
+      RC_ASSERT(pool.seen_lately(leaf, round) == (at_round(round) || at_round(round - 1)));
+      if (!*rc::gen::arbitrary<bool>()) continue;
+      RC_ASSERT(pool.see(leaf, round) == !at_round(round));
+      if (at_round(round)) continue;
+      if (last_seen.count(leaf) != 0) seen_before[leaf] = last_seen[leaf];
+      last_seen[leaf] = round;
+    }
+  }));
+}
+
 TEST(EvidencePool, RefusesAndCountsWhenUsedUp) {
   const auto grid = LeafGrid::cover({0, 0, 0}, {6.3, 6.3, 6.3}, 0.02);  // 40 x 40 x 40 bricks
   ASSERT_TRUE(grid.has_value());
