@@ -78,7 +78,7 @@ function(wagonsight_test name)
   if(arg_SERIAL)
     set(alone RESOURCE_LOCK ${name})
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES ${alone} LABELS ${labels} TIMEOUT 300)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES ${alone} LABELS ${labels} TIMEOUT 900)
 endfunction()
 
 # wagonsight_small(TARGET): never called per frame, so that in the static programs its size counts and not
