@@ -127,9 +127,6 @@ void print_lines(const std::vector<Device>& devices, const fs::path& sysfs) {
         sysfs.string(), sysfs.string());
     return;
   }
-  fmt::print(
-      "# This version drives no real camera yet: it plays recordings and simulates. The "
-      "lines below name what is plugged in.\n");
   std::size_t kinects = 0;
   std::size_t stereos = 0;
   for (const Device& device : devices) {
@@ -146,8 +143,9 @@ void print_lines(const std::vector<Device>& devices, const fs::path& sysfs) {
     if (is_kinect && shares > 1 && !device.controller.empty())
       fmt::print("# {} Kinects share this controller; each needs most of one: spread them.\n",
                  shares);
-    fmt::print("[[sensor]]\nname = \"{}{}\"\nkind = \"{}\"\n", is_kinect ? "k" : "s",
-               is_kinect ? kinects++ : stereos++, device.kind);
+    fmt::print("[[sensor]]\nname = \"{}{}\"\nkind = \"{}\"\nsource = \"device\"\ndevice = \"{}\"\n",
+               is_kinect ? "k" : "s", is_kinect ? kinects++ : stereos++, device.kind,
+               device.id.empty() ? device.place : device.id);
   }
 }
 

@@ -17,6 +17,7 @@ namespace {
 constexpr std::size_t kRingSlots = 64;  // two seconds of one sensor, half of one of four
 constexpr Duration kPollTimeout = std::chrono::milliseconds(100);
 constexpr int kBackgroundNice = 2;
+constexpr int kDeviceRealtime = 20;  // above nothing but ordinary threads
 
 }  // namespace
 
@@ -57,6 +58,7 @@ void SourceThread::stop() {
 void SourceThread::run() {
   name_this_thread(name());
   if (source_.is_background_work) (void)make_this_thread_nice(kBackgroundNice);
+  if (source_.is_device) (void)make_this_thread_realtime(kDeviceRealtime);  // where allowed
   std::optional<HeapSeal> seal;
   if (!source_.allocates) seal.emplace();
   bool going_on = true;
@@ -75,6 +77,8 @@ void SourceThread::tell_counters() {
   dropped_.store(now.dropped, std::memory_order_relaxed);
   damaged_.store(now.damaged, std::memory_order_relaxed);
   resets_.store(now.resets, std::memory_order_relaxed);
+  const std::string_view trouble = source_.sensor->trouble();
+  trouble_.store(trouble.empty() ? nullptr : trouble.data(), std::memory_order_relaxed);
 }
 
 SourceThread::Counters SourceThread::counters() const {
@@ -89,6 +93,11 @@ bool SourceThread::is_only_source_of(std::size_t sensor_index) const {
                      }) &&
          std::any_of(source_.rig_index.begin(), source_.rig_index.end(),
                      [&](std::uint8_t index) { return index == sensor_index; });
+}
+
+std::string_view SourceThread::trouble() const {
+  const char* text = trouble_.load(std::memory_order_relaxed);
+  return text == nullptr ? std::string_view{} : std::string_view(text);
 }
 
 FrameSlot* SourceThread::take() {

@@ -24,6 +24,8 @@ struct FrameSource {
   // Renders or decodes what a device would deliver by itself, so it goes after the tracking.
   bool is_background_work = false;
   bool allocates = false;  // a decoder's buffers; its thread is not sealed
+  // Waits for a device, whose next packets come whether they are fetched or not.
+  bool is_device = false;
 };
 
 // Tells the tracking thread that there are frames; never blocks the teller.
@@ -67,7 +69,8 @@ class SourceThread {
   struct Counters {
     std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
   };
-  Counters counters() const;  // any thread
+  Counters counters() const;         // any thread
+  std::string_view trouble() const;  // as Sensor's, any thread
 
  private:
   void run();
@@ -79,6 +82,7 @@ class SourceThread {
   SpscRing<FrameSlot*> ring_;
   std::atomic<bool> stop_{false}, ended_{false};
   std::atomic<std::uint64_t> turns_{0};
+  std::atomic<const char*> trouble_{nullptr};
   std::atomic<std::uint64_t> frames_{0}, dropped_{0}, damaged_{0}, resets_{0};
   std::thread thread_;
 };

@@ -133,6 +133,7 @@ void Publisher::tell_sensors(const std::vector<std::unique_ptr<SourceThread>>& s
         status.damaged += counters.damaged;
       }
       status.resets = counters.resets;
+      status.trouble = source->trouble();
     }
     tell_sensor(i);
   }

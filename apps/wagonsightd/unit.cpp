@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "devices.h"
 #include "linux/files.h"
 #include "pipeline/place_on_floor.h"
 #include "recorded_sensor.h"
@@ -36,7 +37,7 @@ class Assembly {
   Result<void> open_sources(const std::string& rig_path) {
     if (auto opened = open_scene(); !opened) return opened;
     if (auto opened = open_recordings(); !opened) return opened;
-    if (!scene_ && recordings_.empty())
+    if (!scene_ && recordings_.empty() && !has_devices())
       return fail("settings: no sensor is named; add [[sensor]] or [demo]");
     return find_rig(rig_path.empty() ? unit_.settings.rig.blob : rig_path);
   }
@@ -48,9 +49,11 @@ class Assembly {
   Result<void> connect_sources();
 
  private:
+  bool has_devices() const;
   Result<void> open_scene();
   Result<void> open_recordings();
   Result<void> find_rig(const std::string& blob_path);
+  Result<void> connect_devices();
   Result<void> take_blob(const std::string& path);
   void take_rig(const Rig& rig, const std::array<RayTable, kSensorsMax>& rays);
 
@@ -64,6 +67,13 @@ class Assembly {
   std::vector<Recording> recordings_;
   bool is_room_found_ = false;  // in a recording, by nobody's choice
 };
+
+bool Assembly::has_devices() const {
+  const auto& sensors = unit_.settings.sensors;
+  return std::any_of(sensors.begin(), sensors.end(), [](const SensorSettings& sensor) {
+    return sensor.source == SensorSource::kDevice;
+  });
+}
 
 Result<void> Assembly::open_scene() {
   const DemoSettings& demo = unit_.settings.demo;
@@ -120,6 +130,8 @@ Result<void> Assembly::find_rig(const std::string& blob_path) {
     take_rig(scene_->rig(), {});
     unit_.calibration.present = true;
     unit_.calibration.source = "simulated";
+  } else if (recordings_.empty()) {
+    return fail("settings: rig.blob: is missing; name the calibration of the sensors");
   } else {
     const RecordingReader& reader = recordings_.front().sensor->reader();
     take_rig(reader.rig(), reader.rays());
@@ -163,7 +175,8 @@ Result<void> Assembly::find_wagon() {
   const auto& sensors = unit_.rig.sensors;
   const bool has_poses = std::all_of(sensors.begin(), sensors.end(),
                                      [](const RigSensor& sensor) { return sensor.has_pose; });
-  if (!has_poses && !unit_.settings.wagon && !scene_) return find_floor_in_recording();
+  if (!has_poses && !unit_.settings.wagon && !recordings_.empty() && !scene_)
+    return find_floor_in_recording();
   if (unit_.settings.wagon) {
     unit_.wagon = *unit_.settings.wagon;
   } else if (scene_) {
@@ -273,6 +286,23 @@ Result<void> Assembly::connect_sources() {
     source.sensor = std::move(recording.sensor);
     source.is_background_work = true;
     source.allocates = true;
+    unit_.sources.push_back(std::move(source));
+  }
+  return connect_devices();
+}
+
+// The rig's sensors are the settings', in their order.
+Result<void> Assembly::connect_devices() {
+  const auto& sensors = unit_.settings.sensors;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (sensors[i].source != SensorSource::kDevice) continue;
+    auto device = open_device(sensors[i], unit_.rig.sensors[i]);
+    if (!device) return tl::unexpected(device.error());
+    FrameSource source;
+    source.rig_index.fill(FrameSource::kNone);
+    source.rig_index[0] = static_cast<std::uint8_t>(i);
+    source.is_device = true;
+    source.sensor = std::move(*device);
     unit_.sources.push_back(std::move(source));
   }
   return {};

@@ -30,8 +30,8 @@ class Sensor {
   };
   virtual Counters counters() const = 0;
 
-  // What is wrong with the device and what to do about it, one sentence that lives as long as the
-  // program; empty while all is well. By the thread that polls.
+  // What is wrong with the device and what to do about it, as "wrong; do": a string literal, empty
+  // while all is well. By the thread that polls.
   virtual std::string_view trouble() const { return {}; }
 };
 

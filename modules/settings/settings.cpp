@@ -13,6 +13,7 @@ namespace wagonsight {
 namespace {
 
 constexpr std::size_t kPathBytesMax = 1000;
+constexpr std::size_t kDeviceBytesMax = 64;
 constexpr std::size_t kTokenBytesMin = 16, kTokenBytesMax = 128;
 
 // Relative paths start at the folder of the settings file.
@@ -65,14 +66,22 @@ SensorSettings read_sensor(TableReader& reader, std::string_view file_name) {
   std::string name;
   if (reader.text("name", name, Name::capacity())) sensor.name.assign(name);
   reader.choice("kind", sensor.kind, {"kinect", "stereo"});
-  reader.require("source", "must be \"recording\" or \"simulated\"");
-  std::string source;
-  reader.choice("source", source, {"recording", "simulated"});
-  sensor.source = source == "simulated" ? SensorSource::kSimulated : SensorSource::kRecording;
+  reader.require("source", "must be \"device\", \"recording\" or \"simulated\"");
+  std::string source = "recording";
+  const bool is_known = reader.choice("source", source, {"device", "recording", "simulated"});
+  sensor.source = source == "device"      ? SensorSource::kDevice
+                  : source == "simulated" ? SensorSource::kSimulated
+                                          : SensorSource::kRecording;
   reader.text("file", sensor.file, kPathBytesMax);
-  if (source == "recording") reader.require("file", "a recorded sensor needs its recording");
-  if (source == "simulated" && reader.has("file"))
-    reader.refuse("file", "a simulated sensor has no recording");
+  reader.text("device", sensor.device, kDeviceBytesMax);
+  if (is_known && source == "recording")
+    reader.require("file", "a recorded sensor needs its recording");
+  if (source != "recording" && reader.has("file"))
+    reader.refuse("file", "only a recorded sensor has a recording");
+  if (source == "device")
+    reader.require("device", "the serial number or the place that `wagonsight devices` tells");
+  else if (reader.has("device"))
+    reader.refuse("device", "belongs to source = \"device\"");
   sensor.file = resolved(sensor.file, file_name);
   std::array<double, 2> trim{};
   if (reader.numbers("trim_m", trim, 0, 65.535)) {

@@ -43,13 +43,14 @@ struct StereoSettings {
   double gain_db_max = 18;       // and the largest gain
 };
 
-enum class SensorSource : std::uint8_t { kRecording, kSimulated };
+enum class SensorSource : std::uint8_t { kDevice, kRecording, kSimulated };
 
 struct SensorSettings {
   Name name;                    // as in the calibration blob
   std::string kind = "kinect";  // or "stereo"
   SensorSource source = SensorSource::kRecording;
-  std::string file;                             // of the recording; empty when simulated
+  std::string file;    // of the recording; otherwise empty
+  std::string device;  // a Kinect's serial number or place ("3-1.2"), a camera's GUID
   std::optional<std::array<double, 2>> trim_m;  // near, far; instead of the blob's
 };
 

@@ -49,6 +49,7 @@ Json sensor(const SensorStatus& s, double now) {
                      {"row_offset_px", number(s.stereo.row_offset_px, 2)},
                      {"misaligned", s.stereo.misaligned}};
   out["rms_px"] = s.rms_px > 0 ? number(s.rms_px, 3) : Json(nullptr);
+  out["trouble"] = s.trouble.empty() ? Json(nullptr) : text(s.trouble);
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 
 #include "snapshot/json_lines.h"
@@ -89,6 +90,21 @@ bool judge_overload(Assessment& out, const Snapshot& snapshot, const HealthLimit
   return true;
 }
 
+// What the driver found out is closer to the cause than what the missing frames tell.
+void judge_trouble(Assessment& out, const SensorStatus& sensor, const std::string& since) {
+  const std::string name(sensor.name.view());
+  const std::string_view trouble = sensor.trouble.view();
+  const auto parting = std::min(trouble.find("; "), trouble.size());
+  std::string action(trouble.substr(std::min(parting + 2, trouble.size())));
+  if (action.empty()) action = "It is taken up again by itself; if it stays, check its cable";
+  action[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(action[0])));
+  const bool is_lost = sensor.state == SensorState::kLost;
+  out.fault(is_lost ? "sensor_lost" : "sensor_trouble", name, Verdict::kDegraded,
+            is_lost ? fmt::format("Sensor {} {}: {}.", name, since, trouble.substr(0, parting))
+                    : fmt::format("Sensor {}: {}.", name, trouble.substr(0, parting)),
+            action + ".");
+}
+
 void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus& sensor,
                   const HealthLimits& limits, bool overloaded) {
   const std::string name(sensor.name.view());
@@ -97,9 +113,15 @@ void judge_sensor(Assessment& out, const Snapshot& snapshot, const SensorStatus&
                                   ? std::string("has never given a frame")
                                   : fmt::format("has been silent for {}",
                                                 duration_text(snapshot.time - sensor.last_good));
-    out.fault(
-        "sensor_lost", name, Verdict::kDegraded, fmt::format("Sensor {} {}.", name, since),
-        fmt::format("Check the cable and the power of {}; it is taken up again by itself.", name));
+    if (!sensor.trouble.empty()) {
+      judge_trouble(out, sensor, since);
+    } else {
+      out.fault("sensor_lost", name, Verdict::kDegraded, fmt::format("Sensor {} {}.", name, since),
+                fmt::format("Check the cable and the power of {}; it is taken up again by itself.",
+                            name));
+    }
+  } else if (!sensor.trouble.empty()) {
+    judge_trouble(out, sensor, "");
   } else if (is_judged(sensor) && !overloaded) {
     judge_sensor_rate(out, sensor, limits);
   }

@@ -105,7 +105,11 @@ TEST_F(UnitTools, DevicesListsKinectsAndFireWireCameras) {
   device("firewire/devices/fw2", "units", "0x00609e:0x010483");  // a disk
   const auto told = must_run("devices --sysfs sys");
   EXPECT_THAT(told.out, HasSubstr("id A00362A00955050A, at 1-1.2, 480 Mbit/s\n[[sensor]]\n"
-                                  "name = \"k0\"\nkind = \"kinect\"\n"));
+                                  "name = \"k0\"\nkind = \"kinect\"\nsource = \"device\"\n"
+                                  "device = \"A00362A00955050A\"\n"));
+  // Without a serial number its place must do.
+  EXPECT_THAT(told.out, HasSubstr("name = \"k1\"\nkind = \"kinect\"\nsource = \"device\"\n"
+                                  "device = \"2-1\"\n"));
   EXPECT_THAT(told.out, HasSubstr("without a serial number, at 2-1, 12 Mbit/s\n# It runs below"));
   EXPECT_THAT(told.out, HasSubstr("Point Grey Research Bumblebee2, id 0x00b09d0100a1b2c3"));
   EXPECT_THAT(told.out, HasSubstr("name = \"s0\"\nkind = \"stereo\"\n"));

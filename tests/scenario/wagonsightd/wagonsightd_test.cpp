@@ -152,7 +152,8 @@ const SharedBlock* find_block(pid_t pid) {
 class Daemon : public testing::Test {
  protected:
   void SetUp() override {
-    program_ = std::make_unique<Program>(std::vector<std::string>{"--config", settings_file()});
+    program_ = std::make_unique<Program>(
+        std::vector<std::string>{"--config", settings_file(more_settings())});
     const std::string address = program_->first_line();
     ASSERT_THAT(address, StartsWith("http://127.0.0.1:"));
     port_ = static_cast<std::uint16_t>(std::stoi(address.substr(17)));
@@ -164,6 +165,7 @@ class Daemon : public testing::Test {
     if (block_ != nullptr) munmap(const_cast<SharedBlock*>(block_), sizeof(SharedBlock));
   }
 
+  virtual std::string more_settings() const { return ""; }
   std::uint64_t framesets() { return block_->snapshot.load(*snapshot_) ? snapshot_->framesets : 0; }
   pid_t web_pid() const {
     const std::string id = std::to_string(program_->pid());
@@ -216,6 +218,28 @@ class Daemon : public testing::Test {
   const SharedBlock* block_ = nullptr;
   std::unique_ptr<Snapshot> snapshot_ = std::make_unique<Snapshot>();
 };
+
+// Whether this machine has USB or not, a Kinect with this serial number is not there.
+class DaemonWithoutItsKinect : public Daemon {
+  std::string more_settings() const override {
+    return "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nsource = \"device\"\n"
+           "device = \"NO-SUCH-KINECT\"\n";
+  }
+};
+
+TEST_F(DaemonWithoutItsKinect, WatchesWithTheOthersAndSaysWhatIsMissing) {
+  EXPECT_TRUE(comes_true([&] {
+    framesets();
+    return snapshot_->sensors[1].state == SensorState::kLost &&
+           !snapshot_->sensors[1].trouble.empty();
+  }));
+  EXPECT_TRUE(frames_go_on());
+  EXPECT_TRUE(comes_true([&] {
+    const std::string health = get("/api/v1/health");
+    return health.find("Sensor k1 has never given a frame: ") != std::string::npos;
+  }));
+  EXPECT_EQ(snapshot_->allocations_sealed, 0U);
+}
 
 TEST_F(Daemon, WorksOnWhileItsWebSideIsKilledAndBringsItBack) {
   const pid_t first = web_pid();

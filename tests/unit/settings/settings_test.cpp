@@ -219,9 +219,9 @@ INSTANTIATE_TEST_SUITE_P(
                     "[[sensor]]\nname = \"k0\"\nkind = \"lidar\"\nsource = \"recording\"\n"
                     "file = \"a\"",
                     "unit.toml:3: sensor 1.kind = \"lidar\": must be \"kinect\" or \"stereo\""},
-        BadSettings{
-            "sensor_source", "[[sensor]]\nname = \"k0\"",
-            "unit.toml:1: sensor 1.source is missing: must be \"recording\" or \"simulated\""},
+        BadSettings{"sensor_source", "[[sensor]]\nname = \"k0\"",
+                    "unit.toml:1: sensor 1.source is missing: must be \"device\", \"recording\" or "
+                    "\"simulated\""},
         BadSettings{"sensor_file", "[[sensor]]\nname = \"k0\"\nsource = \"recording\"",
                     "unit.toml:1: sensor 1.file is missing: a recorded sensor needs its recording"},
         BadSettings{"sensor_sceneless", "[[sensor]]\nname = \"k0\"\nsource = \"simulated\"",

@@ -1,0 +1,15 @@
+#include <fmt/format.h>
+
+#include "devices.h"
+
+namespace wagonsight {
+
+Result<std::unique_ptr<Sensor>> open_device(const SensorSettings& settings,
+                                            const RigSensor& /*calibrated*/) {
+  return fail(
+      fmt::format("settings: sensor {}: this build drives no devices; use one that does, or "
+                  "a recording",
+                  settings.name.view()));
+}
+
+}  // namespace wagonsight
