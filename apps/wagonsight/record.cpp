@@ -101,6 +101,11 @@ Result<std::unique_ptr<FrameStream>> open_stream(const SensorSettings& sensor,
     if (!recording) return tl::unexpected(recording.error());
     return std::make_unique<RecordedStream>(std::move(*recording));
   }
+  if (sensor.source == SensorSource::kDevice)
+    return fail(
+        fmt::format("settings: sensor {}: is a device, which only the daemon opens; record "
+                    "simulated sensors and recordings with this command",
+                    sensor.name.view()));
   const auto text = open_input(settings.demo.scene);
   if (!text) return tl::unexpected(text.error());
   const auto scene = parse_scene(text->text(), settings.demo.scene);
