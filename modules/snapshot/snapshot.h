@@ -134,8 +134,8 @@ struct SensorStatus {
   double background_share = 0;  // share of its pixels with a known background, 0..1
   double rms_px = 0;            // from calibration
   StereoStatus stereo;
-  double dropped_share = 0;     // of the frames of the last ten seconds, damaged ones included
-  FixedString<160> trouble;     // what its driver says: "what is wrong; what to do", or empty
+  double dropped_share = 0;  // of the frames of the last ten seconds, damaged ones included
+  FixedString<160> trouble;  // what its driver says: "what is wrong; what to do", or empty
 };
 
 struct StageTiming {
