@@ -99,7 +99,10 @@ class DepthFit {
   bool is_active(int parameter) const {
     return result_.from_infrared ? parameter >= kScale : parameter < kPixelU;
   }
+  struct Expected;
   void accumulate(double gate_sigmas);
+  std::optional<Expected> expect(const Plane& plane, int u, int v) const;
+  Vector10 derivative(const Expected& expected, const Eigen::Vector3d& normal, int u, int v) const;
   void add_plane(const Plane& plane, double gate_sigmas);
   Vector10 deviation_from_start() const;
   Vector10 solve_step();
@@ -128,16 +131,64 @@ void DepthFit::accumulate(double gate_sigmas) {
   }
 }
 
-// One board: its readings' normal equations, its own pose eliminated (Schur complement).
-void DepthFit::add_plane(const Plane& plane, double gate_sigmas) {
-  const Eigen::Matrix3d R = result_.X_CS.rotation.toRotationMatrix();
-  const Rigid X_PC = plane.X_CP.inverse();
+// Where on the plane the ray of one pixel ends, and what its reading should be there.
+struct DepthFit::Expected {
+  Eigen::Vector3d turned, p_C;  // the ray (z = 1 in S) and the point, both in C's axes
+  double along = 0;             // metres along the plane's normal for a metre of depth
+  double z = 0, raw = 0;        // depth, and the reading that the correction makes of it
+};
+
+std::optional<DepthFit::Expected> DepthFit::expect(const Plane& plane, int u, int v) const {
+  const auto ray = ray_through(result_.camera, Eigen::Vector2d(u, v));
+  if (!ray) return std::nullopt;
   const Eigen::Vector3d normal = plane.X_CP.rotation * Eigen::Vector3d::UnitZ();
+  Expected expected;
+  expected.turned = result_.X_CS.rotation * *ray;
+  expected.along = normal.dot(expected.turned);
+  constexpr double kAlongMin = 0.05;  // flatter than three degrees
+  if (std::abs(expected.along) < kAlongMin) return std::nullopt;
+  expected.z = normal.dot(plane.X_CP.position - result_.X_CS.position) / expected.along;
+  expected.raw = (expected.z - result_.offset_m) / result_.scale;
+  expected.p_C = expected.z * expected.turned + result_.X_CS.position;
+  if (!(expected.raw > 0)) return std::nullopt;
   // Inside of the outer squares, a third of a square away from the board's edge.
   constexpr double kMargin = 0.67;
-  const Eigen::Vector2d low = Eigen::Vector2d::Constant(-kMargin * board_.square_m);
-  const Eigen::Vector2d high =
-      board_.square_m * Eigen::Vector2d(board_.columns - 1 + kMargin, board_.rows - 1 + kMargin);
+  const Eigen::Vector3d p_P = plane.X_CP.inverse() * expected.p_C;
+  const Eigen::Vector2d squares = p_P.head<2>() / board_.square_m;
+  if (squares.x() < -kMargin || squares.y() < -kMargin ||
+      squares.x() > board_.columns - 1 + kMargin || squares.y() > board_.rows - 1 + kMargin)
+    return std::nullopt;
+  return expected;
+}
+
+// Of a reading's distance from the plane by the parameters.
+Vector10 DepthFit::derivative(const Expected& expected, const Eigen::Vector3d& normal, int u,
+                              int v) const {
+  Vector10 J = Vector10::Zero();
+  J.head<3>() = (expected.z * expected.turned).cross(normal);
+  J.segment<3>(3) = normal;
+  J[kScale] = expected.raw * expected.along;
+  J[kOffset] = expected.along;
+  if (result_.from_infrared)
+    for (int k = 0; k < 2; ++k) {
+      // The camera's centre moves against the offset: a ray's change with its pixel.
+      const auto beside =
+          ray_through(result_.camera, Eigen::Vector2d(u, v) + 0.5 * Eigen::Vector2d::Unit(k));
+      if (beside)
+        J[kPixelU + k] =
+            expected.z * normal.dot(result_.X_CS.rotation * *beside - expected.turned) / 0.5;
+    }
+  for (int k = 0; k < 10; ++k)
+    if (!is_active(k)) J[k] = 0;
+  return J;
+}
+
+// One board: its readings' normal equations, its own pose eliminated (Schur complement). Weights,
+// derivatives and the choice of pixels depend on the reading that is expected, never on the noisy
+// one: a reading that is too short by chance would weigh more (a Kinect's noise grows with the
+// square of the distance) and pull all boards nearer.
+void DepthFit::add_plane(const Plane& plane, double gate_sigmas) {
+  const Eigen::Vector3d normal = plane.X_CP.rotation * Eigen::Vector3d::UnitZ();
   Matrix10 N = Matrix10::Zero();
   Vector10 g = Vector10::Zero();
   Eigen::Matrix<double, 10, 6> coupling = Eigen::Matrix<double, 10, 6>::Zero();
@@ -150,39 +201,19 @@ void DepthFit::add_plane(const Plane& plane, double gate_sigmas) {
           1e-3 * view.raw_mm[static_cast<std::size_t>(v) * static_cast<std::size_t>(view.width) +
                              static_cast<std::size_t>(u)];
       if (raw <= 0) continue;
-      const auto ray = ray_through(result_.camera, Eigen::Vector2d(u, v));
-      if (!ray) continue;
-      const double z = result_.scale * raw + result_.offset_m;
-      const Eigen::Vector3d turned = R * *ray, from_S = z * turned;
-      const Eigen::Vector3d p_C = from_S + result_.X_CS.position;
-      const Eigen::Vector3d p_P = X_PC * p_C;
-      if ((p_P.head<2>().array() < low.array()).any() ||
-          (p_P.head<2>().array() > high.array()).any())
-        continue;
-      const double along = normal.dot(turned);
-      const double step = options_.noise.step(raw);
-      const double sigma_z = std::hypot(options_.noise.sigma(raw), step / std::sqrt(12.0));
-      const double sigma = std::max(1e-4, std::abs(along) * sigma_z);
-      const double e = p_P.z();
+      const auto expected = expect(plane, u, v);
+      if (!expected) continue;
+      const double sigma_raw = std::hypot(options_.noise.sigma(expected->raw),
+                                          options_.noise.step(expected->raw) / std::sqrt(12.0));
+      const double to_plane = result_.scale * expected->along;
+      const double sigma = std::max(1e-4, std::abs(to_plane) * sigma_raw);
+      const double e = to_plane * (raw - expected->raw);
       if (std::abs(e) > options_.gate_m || (gate_sigmas > 0 && std::abs(e) > gate_sigmas * sigma))
         continue;
-      Vector10 J = Vector10::Zero();
-      J.head<3>() = from_S.cross(normal);
-      J.segment<3>(3) = normal;
-      J[kScale] = raw * along;
-      J[kOffset] = along;
-      if (result_.from_infrared)
-        for (int k = 0; k < 2; ++k) {
-          // The camera's centre moves against the offset: a ray's change with its pixel.
-          const auto beside =
-              ray_through(result_.camera, Eigen::Vector2d(u, v) + 0.5 * Eigen::Vector2d::Unit(k));
-          if (beside) J[kPixelU + k] = z * normal.dot(R * (*beside - *ray)) / 0.5;
-        }
-      for (int k = 0; k < 10; ++k)
-        if (!is_active(k)) J[k] = 0;
+      const Vector10 J = derivative(*expected, normal, u, v);
       // The plane's own small rotation and shift in C about C's origin.
       Eigen::Matrix<double, 6, 1> H;
-      H << -p_C.cross(normal), -normal;
+      H << -expected->p_C.cross(normal), -normal;
       const double weight = 1 / (sigma * sigma);
       N += weight * J * J.transpose();
       g -= weight * e * J;
