@@ -27,6 +27,8 @@ constexpr float kHeadBand = 0.35F;
 // Where a track expects its head: about its centre, a hand's breadth below the top.
 constexpr float kHeadBelow = 0.08F, kHeadReach = 0.14F;
 constexpr float kHeadTopSlack = 0.10F;
+constexpr float kHeadDeep = 0.25F;           // metres: a head and its neck
+constexpr double kHeadStrays = 0.30;         // metres from where it is expected
 constexpr float kExpectedHeadArea = 0.012F;  // square metres: a third of a head seen from one side
 constexpr double kTooHigh = 1.0;  // metres that a point above somebody's head is farther from him
 constexpr double kLyingPartLength = 0.6;  // longer than a foot in a stride
@@ -39,6 +41,7 @@ constexpr float kClearGap = 0.65F, kSlightGap = 0.90F;
 Detector::Detector(const Bounds& inside, const DetectOptions& options)
     : options_(options),
       segments_(inside),
+      crowns_(kFusedPointsMax),
       parts_(kPartsMax),
       part_labels_(kFusedPointsMax),
       labels_(kFusedPointsMax),
@@ -207,20 +210,62 @@ void Detector::split_crowds(const FusedCloud& cloud, std::span<const PersonPrior
   }
 }
 
-// The heads of one hill: those that stand out, and those that are where a track expects its own;
-// among people who have long sat or stood together all who are expected.
+// What has nothing above it: heads, shoulders and arms that are held out.
+void Detector::gather_crowns(const FusedCloud& cloud, std::size_t index) {
+  crowns_.clear();
+  for (std::size_t k = 0; k < cloud.points.size(); ++k) {
+    const float z = cloud.points[k].z;
+    if (z < kLyingTop || !is_in(k, index) || z < segments_.top_over(k) - kHeadDeep) continue;
+    crowns_.resize(crowns_.size() + 1);
+    crowns_[crowns_.size() - 1] = static_cast<std::uint32_t>(k);
+  }
+}
+
+// People keep their height: a track's head is where, near the expected place, something is as high
+// as that and nothing is higher. A mean shift goes there (Comaniciu and Meer 2002).
+void Detector::find_expected_heads(const FusedCloud& cloud) {
+  constexpr int kSteps = 5;
+  for (Expected& person : expected_) {
+    float x = person.x;
+    float y = person.y;
+    for (int step = 0; step < kSteps; ++step) {
+      float area = 0, sum_x = 0, sum_y = 0;
+      for (const std::uint32_t k : crowns_) {
+        const FusedPoint& p = cloud.points[k];
+        if (std::abs(p.z - person.head_top + kHeadBelow) > kHeadReach ||
+            segments_.top_over(k) > person.head_top + kHeadTopSlack ||
+            distance_between(p.x, p.y, x, y) > kHeadReach)
+          continue;
+        area += p.area_m2;
+        sum_x += p.area_m2 * p.x;
+        sum_y += p.area_m2 * p.y;
+      }
+      person.head_area_m2 = area;
+      if (area <= 0) break;
+      x = sum_x / area;
+      y = sum_y / area;
+    }
+    if (distance_between(x, y, person.x, person.y) > kHeadStrays) person.head_area_m2 = 0;
+    if (person.head_area_m2 < kExpectedHeadArea) continue;
+    person.x = x;
+    person.y = y;
+  }
+}
+
+bool Detector::is_centre(double x, double y) const {
+  for (const HeadMode& centre : centres_)
+    if (distance_between(centre.x, centre.y, x, y) < kTogetherMax) return true;
+  return false;
+}
+
+// The heads of one hill: those that tracks expect and that are there, and others that stand out
+// clearly; among people who have long sat or stood together all who are expected.
 void Detector::find_centres(const FusedCloud& cloud, std::size_t index) {
   const Part& part = parts_[index];
   head_modes_.clear(static_cast<float>(part.mean_x()), static_cast<float>(part.mean_y()));
-  for (std::size_t k = 0; k < cloud.points.size(); ++k) {
-    if (!is_in(k, index)) continue;
-    const FusedPoint& p = cloud.points[k];
-    if (p.z > part.top - kHeadBand) head_modes_.add(p);
-    for (Expected& person : expected_)
-      if (std::abs(p.z - person.head_top + kHeadBelow) < kHeadReach &&
-          distance_between(p.x, p.y, person.x, person.y) < kHeadReach)
-        person.head_area_m2 += p.area_m2;
-  }
+  gather_crowns(cloud, index);
+  for (const std::uint32_t k : crowns_)
+    if (cloud.points[k].z > part.top - kHeadBand) head_modes_.add(cloud.points[k]);
   const auto heads = head_modes_.find(expected_.size() < 2 ? kClearGap : kSlightGap);
   centres_.clear();
   if (expected_.size() > std::max<std::size_t>(heads.size(), 1) && all_settled_ &&
@@ -229,15 +274,15 @@ void Detector::find_centres(const FusedCloud& cloud, std::size_t index) {
       if (!centres_.try_push_back(person)) break;
     return;
   }
-  for (const HeadMode& head : heads)
-    if (!centres_.try_push_back(head)) break;
-  if (expected_.size() < 2) return;
-  for (const Expected& person : expected_) {
-    bool found = person.head_area_m2 < kExpectedHeadArea;
-    for (const HeadMode& centre : centres_)
-      found = found || distance_between(centre.x, centre.y, person.x, person.y) < kTogetherMax;
-    if (!found && !centres_.try_push_back(person)) break;
+  if (expected_.size() >= 2) {
+    find_expected_heads(cloud);
+    for (const Expected& person : expected_)
+      if (person.head_area_m2 >= kExpectedHeadArea && !is_centre(person.x, person.y) &&
+          !centres_.try_push_back(person))
+        break;
   }
+  for (const HeadMode& head : heads)
+    if (!is_centre(head.x, head.y) && !centres_.try_push_back(head)) break;
 }
 
 // A child's head is lower than the band in which an adult's shows. What is left of the hill beyond

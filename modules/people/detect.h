@@ -100,7 +100,10 @@ class Detector {
   void split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void expect_in(std::size_t part, std::span<const PersonPrior> priors);
+  void gather_crowns(const FusedCloud& cloud, std::size_t part);
+  void find_expected_heads(const FusedCloud& cloud);
   void find_centres(const FusedCloud& cloud, std::size_t part);
+  bool is_centre(double x, double y) const;
   bool split_off_lying(const FusedCloud& cloud, std::size_t part,
                        std::span<const PersonPrior> priors);
   bool is_in(std::size_t point, std::size_t part) const;
@@ -125,11 +128,12 @@ class Detector {
   FixedVector<Place, kTracksMax> places_;  // by prior
   struct Expected : HeadMode {
     float head_top = 0;
-    float head_area_m2 = 0;  // of surface where its head is expected
+    float head_area_m2 = 0;  // of what looks like its head near there, at (x, y) then
   };
   FixedVector<Expected, kTogetherCount> expected_;     // tracks within the part at hand
   bool all_settled_ = false;                           // and whether all of them hardly move
   FixedVector<HeadMode, 2 * kTogetherCount> centres_;  // of the people in the part at hand
+  BoundedVector<std::uint32_t> crowns_;  // points of the part at hand with nothing above them
   BoundedVector<Part> parts_;
   BoundedVector<std::uint16_t> part_labels_;  // by point
   BoundedVector<std::uint16_t> labels_;       // by point

@@ -17,7 +17,6 @@ constexpr float kRiseMin = 0.13F;
 // A third of a head seen from one side (0.035 square metres).
 constexpr float kHillAreaMin = 0.012F;
 constexpr std::uint32_t kNoHill = UINT32_MAX;
-constexpr std::uint32_t kOutside = UINT32_MAX;
 
 std::size_t level_of(float top) {
   return std::min(kLevels - 1, static_cast<std::size_t>(std::max(0.0F, top * 100.0F)));

@@ -26,8 +26,14 @@ class GroundSegments {
   std::size_t count() const { return count_; }
   // By point of the cloud: its segment, or kNoSegment.
   std::span<const std::uint16_t> labels() const { return labels_.span(); }
+  // The highest point over the cell that a point of the cloud lies in, metres; 0 outside.
+  float top_over(std::size_t point) const {
+    return point_cells_[point] == kOutside ? 0.0F : cells_[point_cells_[point]].top;
+  }
 
  private:
+  static constexpr std::uint32_t kOutside = UINT32_MAX;
+
   struct Cell {
     float top = 0;      // metres above the floor; 0: empty
     float area_m2 = 0;  // of surface over the cell

@@ -40,10 +40,21 @@ constexpr double kAnchorFollows = 3.0;        // seconds
 constexpr double kPartsOnly = 6.0;            // seconds without the sight of a whole person
 constexpr double kThingTaller = 0.35;         // metres: who bends down is taller upright
 constexpr double kPostureHold = 0.3;          // seconds a posture must last
-constexpr double kSeatReach = 0.55;           // metres from a seat's centre to its sitter's torso
+constexpr double kCrowded = 0.8;       // metres between two people who touch with arms held out
+constexpr double kHeightKnown = 1.0;   // seconds of standing free
+constexpr double kHeightSlack = 0.05;  // metres: a step's rise and noise
+constexpr double kHeightsDiffer = 0.12;
+constexpr double kLostReach = 0.6;  // metres, and so many more for each second out of sight
+constexpr double kLostSpeed = 1.2;
+constexpr double kLostReachMax = 4.0;
+constexpr double kSeatReach = 0.55;  // metres from a seat's centre to its sitter's torso
 
 double distance(const std::array<double, 2>& a, const std::array<double, 2>& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1]);
+}
+
+bool height_is_known(const Track& track) {
+  return track.upright_s > kHeightKnown;
 }
 
 }  // namespace
@@ -69,8 +80,11 @@ std::span<const PersonPrior> Tracker::predict(double now_s) {
     track.person.position = {track.motion.position().x(), track.motion.position().y()};
     if ((track.state != TrackState::kFollowed && !track.told) || track.thing) continue;
     const auto& place = track.settled ? track.anchor : track.person.position;
+    const double head_top = height_is_known(track)
+                                ? std::min(track.head_top, track.person.height + kHeightSlack)
+                                : track.head_top;
     const PersonPrior prior{static_cast<float>(place[0]), static_cast<float>(place[1]),
-                            static_cast<float>(track.head_top), track.settled,
+                            static_cast<float>(head_top), track.settled,
                             track.person.posture == Posture::kLying};
     if (!priors_.try_push_back(prior)) break;
   }
@@ -80,6 +94,7 @@ std::span<const PersonPrior> Tracker::predict(double now_s) {
 void Tracker::update(std::span<const Detection> detections, std::span<const BodyShape> shapes,
                      const VisibilityGrid& visibility) {
   associate(detections);
+  look_around();
   for (Track& track : tracks_) {
     if (track.detection != kNoDetection)
       see(track, detections[track.detection], shapes[track.detection]);
@@ -99,6 +114,7 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
       std::clamp(3 * spread + 2 * detection.sigma, options_.gate_min_m, options_.gate_max_m);
   if (away > gate) return kImpossible;
   const bool same_thing = track.thing && detection.like_a_thing;
+  if (!track.told && now_s_ - track.person.last_seen > options_.remember_s) return kImpossible;
   if (!detection.stands_alone && !same_thing && track.state != TrackState::kFollowed &&
       !track.told && !(track.state == TrackState::kHidden && rests(track)))
     return kImpossible;
@@ -185,12 +201,58 @@ void Tracker::confirm(Track& track, const Detection& detection) {
       now_s_ - track.person.since < options_.confirm_far_from_doors_s)
     return;
   track.thing = track.thing || detection.like_a_thing;
-  follow(track);
+  Track* lost = depth.door < 0 && !track.thing ? lost_one_like(track) : nullptr;
+  if (lost == nullptr) return follow(track);
+  track.state = TrackState::kFollowed;
+  track.person.id = lost->person.id;
+  track.person.since = lost->person.since;
+  track.person.height = lost->person.height;
+  track.upright_s = lost->upright_s;
+  track.came_in = true;
+  lost->lives_on = true;
 }
 
 void Tracker::follow(Track& track) {
   track.state = TrackState::kFollowed;
   track.person.id = next_id_++;
+}
+
+// Nobody comes into being in the middle of a wagon: who turns up there is somebody who was lost
+// sight of and has not left by a door, the one nearest in place and height whom the way and the
+// time allow. Null when there is none.
+Track* Tracker::lost_one_like(const Track& track) {
+  if (wagon_.doors.empty()) return nullptr;
+  Track* best = nullptr;
+  double best_cost = 2.0;
+  for (Track& lost : tracks_) {
+    if (lost.state != TrackState::kHidden || lost.detection != kNoDetection || lost.thing ||
+        lost.went_out || lost.lives_on)
+      continue;
+    const double unseen_s = now_s_ - lost.person.last_seen;
+    const double reach = std::min(kLostReachMax, kLostReach + kLostSpeed * unseen_s);
+    const double taller = track.person.height - lost.person.height;
+    const bool upright = track.person.posture == Posture::kStanding;
+    const double differs =
+        upright && height_is_known(lost) ? std::abs(taller) : std::max(0.0, taller);
+    const double cost =
+        distance(track.person.position, lost.person.position) / reach + differs / kHeightsDiffer;
+    if (differs > kHeightsDiffer || cost >= best_cost) continue;
+    best = &lost;
+    best_cost = cost;
+  }
+  return best;
+}
+
+// Beside somebody one may be seen with his arm or shoulder for one's own head.
+void Tracker::look_around() {
+  for (Track& track : tracks_) {
+    track.crowded = false;
+    for (const Track& other : tracks_)
+      track.crowded =
+          track.crowded ||
+          (&other != &track && (other.person.id != 0 || other.detection != kNoDetection) &&
+           distance(other.person.position, track.person.position) < kCrowded);
+  }
 }
 
 // What was never seen taller and is too long for a child is a thing that came with somebody.
@@ -304,8 +366,11 @@ void Tracker::drop_ended() {
     const bool parts_only =
         !track.thing && (track.detection != kNoDetection && now_s_ - track.whole_s > kPartsOnly &&
                          !near_seat(track) && track.person.posture != Posture::kLying);
-    const bool forgotten = !track.told && unseen_s > options_.remember_s;
-    if (missed || gone || forgotten || parts_only) continue;
+    const bool inside = !wagon_.doors.empty() && !track.went_out && !track.thing;
+    const bool forgotten =
+        track.lives_on ||
+        (!track.told && unseen_s > (inside ? options_.inside_s : options_.remember_s));
+    if (missed || (gone && !inside) || forgotten || parts_only) continue;
     if (kept != i) tracks_[kept] = tracks_[i];
     ++kept;
   }
@@ -364,6 +429,9 @@ void Tracker::measure_height(Track& track, const Detection& detection) const {
       std::min<double>(detection.top, std::min(track.last_tops[0], track.last_tops[1]));
   track.last_tops = {detection.top, track.last_tops[0]};
   double& height = track.person.height;
+  if (track.crowded && height_is_known(track)) return;  // nobody grows beside somebody
+  if (detection.stands_alone && !track.crowded && track.posture_seen == Posture::kStanding)
+    track.upright_s += dt_s_;
   if (lasting > height)
     height = lasting;
   else if (height - lasting < kStillUpright)

@@ -37,6 +37,7 @@ struct TrackOptions {
   double coast_sitting_s = 60.0;    // and while sitting or lying: nobody rises unseen
   double coast_lost_sight_s = 0.2;  // told after leaving every sensor's view
   double remember_s = 4.0;          // recognised when seen again
+  double inside_s = 30.0;           // and who did not leave by a door, wherever he turns up
   double gone_s = 0.5;              // seen through for so long: not there
 };
 
@@ -49,10 +50,13 @@ struct Track {
   double free_since = -1;  // the place was seen to be empty since then; -1: it was not
   bool told = false;       // part of what is reported at this instant
   double head_top = 0;     // highest point at last sight
+  double upright_s = 0;    // for how long it was seen standing free: its height is known then
+  bool crowded = false;    // somebody is within reach: their parts may be mixed up
   double thing_s = 0;      // for how long it has looked like a thing
   bool thing = false;      // a pram or the like: followed, but told to nobody
   bool came_in = false;    // was seen clearly inside
   bool went_out = false;   // then left by a door, and has not come back in
+  bool lives_on = false;   // in another track, which has its identity
   bool settled = false;    // has long sat or stood at `anchor`
   std::array<double, 2> anchor{};
   double still_since = 0;                    // for how long it has hardly moved
@@ -83,6 +87,8 @@ class Tracker {
   float pair_cost(const Track& track, const Detection& detection) const;
   void see(Track& track, const Detection& detection, const BodyShape& shape);
   void follow(Track& track);
+  Track* lost_one_like(const Track& track);
+  void look_around();
   void miss(Track& track, const VisibilityGrid& visibility);
   void begin(std::span<const Detection> detections, std::span<const BodyShape> shapes);
   void drop_ended();

@@ -193,6 +193,53 @@ TEST(Tracker, KeepsTwoWhoSitSideBySideApartWhenOneLeansOver) {
   }
 }
 
+// The child's head is under the adult's elbow for a while, and the adult's shoulder stands out of
+// their common outline more than the child does.
+TEST(Tracker, DoesNotTakeAnAdultsShoulderForTheChildBesideHim) {
+  Stage stage(30);
+  const auto arm = [](double x, double y) {
+    return [x, y](FusedCloud& cloud) {
+      testing::add_column(cloud, x, y + 0.20, 0.85, 1.52, 0.05, 0.05, {});
+    };
+  };
+  for (int i = 0; i < 60; ++i) stage.step({{2.2, 1.95, 1.22}, {3.8, 1.60, 1.83}}, arm(3.8, 1.60));
+  ASSERT_EQ(stage.told().size(), 2U);
+  const auto child = stage.told()[0].position[0] < 3 ? stage.told()[0].id : stage.told()[1].id;
+  for (int i = 0; i < 110; ++i) {  // he comes, stays, and the child walks on around him
+    const double adult_x = std::max(2.25, 3.8 - i / 30.0);
+    const double child_x = i < 50 ? 2.2 : std::min(3.2, 2.2 + (i - 50) / 30.0);
+    stage.step({{child_x, 1.95, 1.22}, {adult_x, 1.60, 1.83}}, arm(adult_x, 1.60));
+  }
+  ASSERT_EQ(stage.told().size(), 2U);
+  for (const Person& person : stage.told()) {
+    EXPECT_EQ(person.id == child, person.position[0] > 2.9);
+    EXPECT_NEAR(person.height, person.id == child ? 1.22 : 1.83, 0.08);
+  }
+}
+
+TEST(Tracker, KnowsWhoTurnsUpInTheMiddleForTheOneWhoWasLostThere) {
+  Stage stage(30);
+  for (int i = 0; i < 60; ++i) stage.step({{2.0, 2.0, 1.75}, {4.0, 2.0, 1.60}});
+  ASSERT_EQ(stage.told().size(), 2U);
+  const auto lost = stage.told()[0].position[0] < 3 ? stage.told()[0].id : stage.told()[1].id;
+  for (int i = 0; i < 300; ++i) stage.step({{4.0, 2.0, 1.60}});
+  EXPECT_EQ(stage.told().size(), 1U);
+  for (int i = 0; i < 30; ++i) stage.step({{1.0, 3.0, 1.75}, {4.0, 2.0, 1.60}});
+  ASSERT_EQ(stage.told().size(), 2U);
+  for (const Person& person : stage.told()) EXPECT_EQ(person.id == lost, person.position[0] < 3);
+}
+
+TEST(Tracker, TakesWhoComesInByADoorForSomebodyElse) {
+  Stage stage(30);
+  for (int i = 0; i < 60; ++i) stage.step({{2.0, 2.0, 1.75}});
+  ASSERT_EQ(stage.told().size(), 1U);
+  const auto lost = stage.told()[0].id;
+  for (int i = 0; i < 300; ++i) stage.step({});
+  for (int i = 0; i < 60; ++i) stage.step({{3.0, -0.5 + i / 30.0, 1.75}});
+  ASSERT_EQ(stage.told().size(), 1U);
+  EXPECT_NE(stage.told()[0].id, lost);
+}
+
 TEST(Tracker, FollowsAFallWithOneIdentityAndSaysLying) {
   Stage stage(30);
   std::set<std::uint32_t> ids;
