@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "pipeline/place_on_floor.h"
+#include "common/pipeline_options.h"
 #include "recording/sample_images.h"
 #include "rig/blob.h"
 #include "settings/settings.h"
@@ -45,31 +46,6 @@ Result<void> take_blob(const Rig& recorded, const std::string& path, ReplaySetup
   return {};
 }
 
-StereoToDepthOptions stereo_options(const StereoSettings& settings) {
-  StereoToDepthOptions options;
-  options.matcher.mode = settings.mode == "fast" ? MatcherMode::kFast : MatcherMode::kAccurate;
-  options.matcher.disparity_count = settings.disparities;
-  options.matcher.uniqueness_percent = settings.uniqueness_percent;
-  options.matcher.texture_min = settings.texture_min;
-  options.whole_every_s = settings.whole_every_s;
-  options.aligned_every_s = settings.aligned_every_s;
-  options.exposure.shutter_us_max = settings.shutter_us_max;
-  options.exposure.gain_db_max = settings.gain_db_max;
-  return options;
-}
-
-PipelineOptions options_of(const PipelineSettings& settings, const StereoSettings& stereo) {
-  return {.leaf_m = settings.leaf_m,
-          .voxel_m = settings.voxel_m,
-          .noise_sigmas = settings.noise_sigmas,
-          .blob_area_min_m2 = settings.blob_area_min_m2,
-          .learning_s = settings.learning_s,
-          .fps_expected = settings.fps_expected,
-          .compensate_skew = settings.compensate_skew,
-          .without_background = false,
-          .stereo = stereo_options(stereo)};
-}
-
 Result<void> take_scene_text(std::string_view text, const std::string& path, ReplaySetup& setup) {
   const auto scene = parse_scene(text, path);
   if (!scene) return tl::unexpected(scene.error());
@@ -83,7 +59,7 @@ Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
   if (!file) return tl::unexpected(file.error());
   const auto settings = parse_settings(file->text(), path);
   if (!settings) return tl::unexpected(settings.error());
-  setup.options = options_of(settings->pipeline, settings->stereo);
+  setup.options = pipeline_options(settings->pipeline, settings->stereo);
   for (const SensorSettings& sensor : settings->sensors) {
     const int index = find_sensor(setup.rig, sensor.name.view());
     if (index < 0 || !sensor.trim_m) continue;

@@ -8,6 +8,7 @@
 #include "devices.h"
 #include "linux/files.h"
 #include "pipeline/place_on_floor.h"
+#include "common/pipeline_options.h"
 #include "recorded_sensor.h"
 #include "recording/sample_images.h"
 #include "rig/blob.h"
@@ -15,19 +16,6 @@
 
 namespace wagonsight {
 namespace {
-
-StereoToDepthOptions stereo_options(const StereoSettings& settings) {
-  StereoToDepthOptions options;
-  options.matcher.mode = settings.mode == "fast" ? MatcherMode::kFast : MatcherMode::kAccurate;
-  options.matcher.disparity_count = settings.disparities;
-  options.matcher.uniqueness_percent = settings.uniqueness_percent;
-  options.matcher.texture_min = settings.texture_min;
-  options.whole_every_s = settings.whole_every_s;
-  options.aligned_every_s = settings.aligned_every_s;
-  options.exposure.shutter_us_max = settings.shutter_us_max;
-  options.exposure.gain_db_max = settings.gain_db_max;
-  return options;
-}
 
 // What the settings ask for, gathered step by step; each step says what it lacks.
 class Assembly {
@@ -228,16 +216,7 @@ Result<void> Assembly::make_pipeline() {
     unit_.own_rays.push_back(make_ray_table(unit_.rig.sensors[i].camera));
     unit_.rays[i] = unit_.own_rays.back();
   }
-  const PipelineSettings& wanted = unit_.settings.pipeline;
-  PipelineOptions options;
-  options.leaf_m = wanted.leaf_m;
-  options.voxel_m = wanted.voxel_m;
-  options.noise_sigmas = wanted.noise_sigmas;
-  options.blob_area_min_m2 = wanted.blob_area_min_m2;
-  options.learning_s = wanted.learning_s;
-  options.fps_expected = wanted.fps_expected;
-  options.compensate_skew = wanted.compensate_skew;
-  options.stereo = stereo_options(unit_.settings.stereo);
+  PipelineOptions options = pipeline_options(unit_.settings.pipeline, unit_.settings.stereo);
   options.evidence_bricks = kLiveEvidenceBricksMax;
   auto pipeline = is_room_found_
                       ? Pipeline::create_fitting(unit_.rig, unit_.rays, unit_.wagon, options)

@@ -140,16 +140,8 @@ void mask(benchmark::State& state, const BenchScene& scene) {
 }  // namespace
 
 void register_chain() {
-  for (const std::string& name : scene_names()) {
-    const auto add = [&](const std::string& work,
-                         void (*run)(benchmark::State&, const BenchScene&)) {
-      benchmark::RegisterBenchmark((work + name).c_str(), [name, run](benchmark::State& state) {
-        run(state, scene_of(name));
-      })->Unit(benchmark::kMillisecond);
-    };
-    add("chain/wagonsight/", chain);
-    add("mask/wagonsight/", mask);
-  }
+  register_on_every_scene("chain/wagonsight/", chain);
+  register_on_every_scene("mask/wagonsight/", mask);
 }
 
 }  // namespace wagonsight::bench

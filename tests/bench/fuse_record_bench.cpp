@@ -100,16 +100,8 @@ void record(benchmark::State& state, const BenchScene& scene) {
 }  // namespace
 
 void register_fuse_and_record() {
-  for (const std::string& name : scene_names()) {
-    const auto add = [&](const std::string& work,
-                         void (*run)(benchmark::State&, const BenchScene&)) {
-      benchmark::RegisterBenchmark((work + name).c_str(), [name, run](benchmark::State& state) {
-        run(state, scene_of(name));
-      })->Unit(benchmark::kMillisecond);
-    };
-    add("fuse/wagonsight/", fuse);
-    add("record/wagonsight/", record);
-  }
+  register_on_every_scene("fuse/wagonsight/", fuse);
+  register_on_every_scene("record/wagonsight/", record);
 }
 
 }  // namespace wagonsight::bench

@@ -240,19 +240,10 @@ void mask(benchmark::State& state, const BenchScene& scene, Mode mode) {
 }  // namespace
 
 void register_pcl() {
-  for (const std::string& name : scene_names()) {
-    const auto add = [&](const std::string& work,
-                         void (*run)(benchmark::State&, const BenchScene&, Mode), Mode mode) {
-      benchmark::RegisterBenchmark((work + name).c_str(), [name, run,
-                                                           mode](benchmark::State& state) {
-        run(state, scene_of(name), mode);
-      })->Unit(benchmark::kMillisecond);
-    };
-    add("chain/pcl/", chain, Mode::kStaticQuery);
-    add("chain/pcl_xor/", chain, Mode::kXor);
-    add("mask/pcl_octree/", mask, Mode::kXor);
-    add("mask/pcl_octree_query/", mask, Mode::kStaticQuery);
-  }
+  register_on_every_scene("chain/pcl/", chain, Mode::kStaticQuery);
+  register_on_every_scene("chain/pcl_xor/", chain, Mode::kXor);
+  register_on_every_scene("mask/pcl_octree/", mask, Mode::kXor);
+  register_on_every_scene("mask/pcl_octree_query/", mask, Mode::kStaticQuery);
 }
 
 }  // namespace wagonsight::bench

@@ -73,7 +73,7 @@ def part_of_include(header, path, root):
     """The part a quoted include leads to; None when it is a neighbour in the same folder."""
     first = header.split("/")[0]
     if "/" in header:
-        for part in (first, f"platform/{first}"):
+        for part in (first, f"platform/{first}", f"apps/{first}"):
             folder = root / "modules" / first if part == first else root / part
             if folder.is_dir():
                 return part

@@ -10,26 +10,9 @@ import time
 import urllib.error
 import urllib.request
 
-SCENE = """
-[wagon]
-length = 5.0
-width = 2.7
-height = 2.4
-[[sensor]]
-name = "k0"
-kind = "kinect"
-position = [0.1, 1.35, 2.2]
-look_at = [4.0, 1.35, 0.6]
-"""
-SETTINGS = """
-[wagon]
-length = 5.0
-width = 2.7
-height = 2.4
-[[sensor]]
-name = "k0"
-kind = "kinect"
-source = "recording"
+from small_wagon import ROOM, SCENE
+
+SETTINGS = ROOM + """source = "recording"
 file = "empty.mcap"
 [rig]
 blob = "rig.blob"

@@ -9,16 +9,9 @@ import subprocess
 import sys
 import tempfile
 
-SCENE = """
-[wagon]
-length = 5.0
-width = 2.7
-height = 2.4
-[[sensor]]
-name = "k0"
-kind = "kinect"
-position = [0.1, 1.35, 2.2]
-look_at = [4.0, 1.35, 0.6]
+from small_wagon import SCENE
+
+PASSENGERS = """
 [[passenger]]
 name = "walker"
 height = 1.75
@@ -60,7 +53,7 @@ def main():
         return 77
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        (folder / "scene.toml").write_text(SCENE)
+        (folder / "scene.toml").write_text(SCENE + PASSENGERS)
         told = {}
         for which, program in (("native", [options.native]), ("static", options.program)):
             run(program, folder, "simulate", "--scene", "scene.toml", "--seconds", str(SECONDS), "--seed", "3",

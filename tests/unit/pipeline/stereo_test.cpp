@@ -6,48 +6,29 @@
 #include "pipeline/pipeline.h"
 #include "simulate/room.h"
 #include "simulate/simulation.h"
+#include "support/scene_text.h"
 
 // Simulated stereo cameras through the whole pipeline.
 namespace wagonsight {
 namespace {
 
-constexpr std::string_view kWagon = R"(
-[wagon]
-length = 6.0
-width = 2.7
-height = 2.4
-[[door]]
-name = "north"
-from = [2.35, 2.7]
-to = [3.65, 2.7]
-[[sensor]]
-name = "s0"
-kind = "stereo"
-position = [1.6, 0.08, 2.3]
-look_at = [3.2, 1.7, 0.4]
-[[sensor]]
-name = "s1"
-kind = "stereo"
-position = [4.4, 0.08, 2.3]
-look_at = [2.8, 1.7, 0.4]
-phase_ms = 5
-[[passenger]]
-name = "Anna"
-height = 1.72
-[[passenger.do]]
-at = 2.2
-act = "enter"
-door = "north"
-[[passenger.do]]
-at = 3
-act = "walk"
-to = [3.0, 1.2]
-)";
+using testing::act_text;
+using testing::door_text;
+using testing::passenger_text;
+using testing::sensor_text;
+using testing::wagon_text;
+
+const std::string kWagon =
+    wagon_text(6.0) + door_text("north", 2.35, 3.65) +
+    sensor_text("s0", "stereo", "1.6, 0.08, 2.3", "3.2, 1.7, 0.4") +
+    sensor_text("s1", "stereo", "4.4, 0.08, 2.3", "2.8, 1.7, 0.4", "phase_ms = 5") +
+    passenger_text("Anna", "height = 1.72") + act_text(2.2, "enter", "door = 'north'") +
+    act_text(3, "walk", "to = [3.0, 1.2]");
 
 class StereoUnit {
  public:
   explicit StereoUnit(std::string_view more = "")
-      : scene_(*parse_scene(std::string(kWagon) + std::string(more), "test")),
+      : scene_(*parse_scene(kWagon + std::string(more), "test")),
         simulation_(scene_, 5),
         rig_(rig_of(scene_)) {
     PipelineOptions options;

@@ -10,38 +10,27 @@
 
 #include "base/crc32c.h"
 #include "counted_heap.h"
+#include "support/scene_text.h"
 
 namespace wagonsight {
 namespace {
 
 using Eigen::Vector3d;
+using testing::act_text;
+using testing::door_text;
+using testing::passenger_text;
+using testing::seat_text;
+using testing::sensor_text;
+using testing::wagon_text;
 
-const std::string kRoom = R"(
-[wagon]
-length = 6.0
-width = 2.7
-height = 2.4
-[[seat]]
-name = "s"
-position = [1.2, 0.35]
-yaw = 90
-[[door]]
-name = "door"
-from = [2.4, 2.7]
-to = [3.6, 2.7]
-)";
+const std::string kRoom =
+    wagon_text(6.0) + seat_text("s", "1.2, 0.35", 90) + door_text("door", 2.4, 3.6);
 
 std::string sensors(const std::string& extra) {
-  std::string text;
-  const std::array<std::string, 4> places{
-      "position = [0.1, 0.1, 2.3]\nlook_at = [3.2, 1.8, 0.3]\n",
-      "position = [5.9, 0.1, 2.3]\nlook_at = [2.8, 1.8, 0.3]\n",
-      "position = [5.9, 2.6, 2.3]\nlook_at = [2.8, 0.9, 0.3]\n",
-      "position = [0.1, 2.6, 2.3]\nlook_at = [3.2, 0.9, 0.3]\n"};
-  for (const std::string& place : places)
-    text += "[[sensor]]\nname = \"k" + std::to_string(&place - places.data()) +
-            "\"\nkind = \"kinect\"\n" + place + extra;
-  return text;
+  return sensor_text("k0", "kinect", "0.1, 0.1, 2.3", "3.2, 1.8, 0.3", extra) +
+         sensor_text("k1", "kinect", "5.9, 0.1, 2.3", "2.8, 1.8, 0.3", extra) +
+         sensor_text("k2", "kinect", "5.9, 2.6, 2.3", "2.8, 0.9, 0.3", extra) +
+         sensor_text("k3", "kinect", "0.1, 2.6, 2.3", "3.2, 0.9, 0.3", extra);
 }
 
 Scene scene_of(const std::string& text) {
@@ -68,15 +57,8 @@ std::uint32_t checksum_of(const Scene& scene, std::uint64_t seed, int frames) {
   return crc;
 }
 
-const std::string kWalker = R"([[passenger]]
-name = "A"
-start = [2.0, 1.3]
-carries = ["bag"]
-[[passenger.do]]
-at = 0
-act = "walk"
-to = [4.5, 1.3]
-)";
+const std::string kWalker = passenger_text("A", "start = [2.0, 1.3]\ncarries = ['bag']") +
+                            act_text(0, "walk", "to = [4.5, 1.3]");
 
 TEST(SimulationTest, TheSameSceneAndSeedGiveTheSameBytes) {
   const Scene scene = scene_of(kRoom + sensors("drop_rate = 0.1\n") + kWalker);
@@ -112,24 +94,11 @@ TEST(SimulationTest, FramesComeInTheOrderOfTheirArrivalAt30HzWithTheirPhases) {
 
 // Where a passenger is rendered is where the truth says that it is.
 TEST(SimulationTest, TruthLiesWhereBodiesAreSeen) {
-  const Scene scene = scene_of(kRoom + sensors("noise = 0\n") + R"([[passenger]]
-name = "standing"
-start = [3.0, 1.5]
-[[passenger]]
-name = "sitting"
-seat = "s"
-[[passenger]]
-name = "child"
-build = "child"
-start = [4.4, 0.9]
-[[passenger]]
-name = "lying"
-start = [3.4, 0.5]
-[[passenger.do]]
-at = 0
-act = "fall"
-to = [5.0, 0.5]
-)");
+  const Scene scene = scene_of(
+      kRoom + sensors("noise = 0\n") + passenger_text("standing", "start = [3.0, 1.5]") +
+      passenger_text("sitting", "seat = 's'") +
+      passenger_text("child", "build = 'child'\nstart = [4.4, 0.9]") +
+      passenger_text("lying", "start = [3.4, 0.5]") + act_text(0, "fall", "to = [5.0, 0.5]"));
   Simulation simulation(scene, 4);
   const Rig rig = rig_of(scene);
   const HostTime when(from_seconds(3.0));
@@ -307,17 +276,10 @@ noise = 0
 
 TEST(SimulationTest, NothingIsAllocatedOnceItRuns) {
   if (!allocations_are_counted()) GTEST_SKIP() << "the sanitizer has a heap of its own";
-  const Scene scene = scene_of(kRoom + sensors("drop_rate = 0.05\n") + kWalker + R"([[passenger]]
-name = "a passenger with a long name and item"
-door = "door"
-[[passenger.do]]
-at = 0.2
-act = "put"
-item = "a bag with a name of its own in red"
-[[passenger.do]]
-at = 1
-act = "sit"
-)");
+  const Scene scene = scene_of(
+      kRoom + sensors("drop_rate = 0.05\n") + kWalker +
+      passenger_text("a passenger with a long name and item", "door = 'door'") +
+      act_text(0.2, "put", "item = 'a bag with a name of its own in red'") + act_text(1, "sit"));
   Simulation simulation(scene, 1);
   Slot s;
   PeopleFrame truth;

@@ -5,28 +5,20 @@
 #include <cmath>
 #include <string>
 
+#include "support/scene_text.h"
+
 namespace wagonsight {
 namespace {
 
+using testing::act_text;
+using testing::door_text;
+using testing::passenger_text;
+using testing::seat_text;
+using testing::wagon_text;
+
 // A wagon with two seats, a door and nobody in it.
-const std::string kRoom = R"(
-[wagon]
-length = 6.0
-width = 2.7
-height = 2.4
-[[seat]]
-name = "left"
-position = [1.0, 0.35]
-yaw = 90
-[[seat]]
-name = "right"
-position = [5.0, 2.35]
-yaw = -90
-[[door]]
-name = "door"
-from = [2.4, 2.7]
-to = [3.6, 2.7]
-)";
+const std::string kRoom = wagon_text(6.0) + seat_text("left", "1.0, 0.35", 90) +
+                          seat_text("right", "5.0, 2.35", -90) + door_text("door", 2.4, 3.6);
 
 class Play {  // a world and its truth, by passenger name
  public:
@@ -62,7 +54,7 @@ double distance(const Person& person, double x, double y) {
 }
 
 TEST(WorldTest, APassengerWithoutActsStandsWhereItStarts) {
-  Play play("[[passenger]]\nname = \"A\"\nheight = 1.81\nstart = [3.0, 1.3]\n");
+  Play play(passenger_text("A", "height = 1.81\nstart = [3.0, 1.3]"));
   for (const double t : {0.0, 5.0, 60.0}) {
     const Person* person = play.at(t, "A");
     ASSERT_NE(person, nullptr);
@@ -74,7 +66,7 @@ TEST(WorldTest, APassengerWithoutActsStandsWhereItStarts) {
 }
 
 TEST(WorldTest, WhoHasADoorComesInByItAndCountsOnlyInside) {
-  Play play("[[passenger]]\nname = \"A\"\ndoor = \"door\"\n");
+  Play play(passenger_text("A", "door = 'door'"));
   EXPECT_EQ(play.count(0.5), 0U);
   bool came_by_the_door = false;
   for (double t = 0.5; t < 6; t += 0.02) {
@@ -92,18 +84,8 @@ TEST(WorldTest, WhoHasADoorComesInByItAndCountsOnlyInside) {
 }
 
 TEST(WorldTest, SittingWalksToTheSeatFirstAndLeavingRisesFirst) {
-  Play play(R"([[passenger]]
-name = "A"
-start = [4.5, 1.3]
-[[passenger.do]]
-at = 1
-act = "sit"
-seat = "left"
-[[passenger.do]]
-at = 20
-act = "leave"
-door = "door"
-)");
+  Play play(passenger_text("A", "start = [4.5, 1.3]") + act_text(1, "sit", "seat = 'left'") +
+            act_text(20, "leave", "door = 'door'"));
   const Person* sitting = play.at(15, "A");
   ASSERT_NE(sitting, nullptr);
   EXPECT_EQ(sitting->posture, Posture::kSitting);
@@ -119,18 +101,8 @@ door = "door"
 }
 
 TEST(WorldTest, AnActRunsToItsEndBeforeTheNextOneBegins) {
-  Play play(R"([[passenger]]
-name = "A"
-start = [0.6, 1.3]
-[[passenger.do]]
-at = 1
-act = "walk"
-to = [5.2, 1.3]
-speed = 0.8
-[[passenger.do]]
-at = 1.5
-act = "fall"
-)");
+  Play play(passenger_text("A", "start = [0.6, 1.3]") +
+            act_text(1, "walk", "to = [5.2, 1.3]\nspeed = 0.8") + act_text(1.5, "fall"));
   const Person* under_way = play.at(3, "A");
   ASSERT_NE(under_way, nullptr);
   EXPECT_EQ(under_way->posture, Posture::kStanding);
@@ -141,16 +113,7 @@ act = "fall"
 }
 
 TEST(WorldTest, FallingLiesOnTheFloorAndRisingStandsUp) {
-  Play play(R"([[passenger]]
-name = "A"
-start = [3.0, 1.3]
-[[passenger.do]]
-at = 2
-act = "fall"
-[[passenger.do]]
-at = 10
-act = "rise"
-)");
+  Play play(passenger_text("A", "start = [3.0, 1.3]") + act_text(2, "fall") + act_text(10, "rise"));
   EXPECT_EQ(play.at(1.9, "A")->posture, Posture::kStanding);
   for (const double t : {3.5, 9.0}) {
     const Person* person = play.at(t, "A");
@@ -164,22 +127,9 @@ act = "rise"
 }
 
 TEST(WorldTest, ABagIsPutDownAndTakenByAnother) {
-  Play play(R"([[passenger]]
-name = "A"
-start = [2.0, 1.3]
-carries = ["bag"]
-[[passenger.do]]
-at = 2
-act = "put"
-item = "bag"
-[[passenger]]
-name = "B"
-start = [5.0, 1.3]
-[[passenger.do]]
-at = 6
-act = "take"
-item = "bag"
-)");
+  Play play(passenger_text("A", "start = [2.0, 1.3]\ncarries = ['bag']") +
+            act_text(2, "put", "item = 'bag'") + passenger_text("B", "start = [5.0, 1.3]") +
+            act_text(6, "take", "item = 'bag'"));
   EXPECT_EQ(play.standing_items(1), 0U);
   EXPECT_EQ(play.standing_items(5), 1U);
   EXPECT_EQ(play.standing_items(16), 0U);
@@ -188,35 +138,16 @@ item = "bag"
 }
 
 TEST(WorldTest, TwoLeanTogether) {
-  Play play(R"([[passenger]]
-name = "A"
-start = [3.0, 1.3]
-[[passenger.do]]
-at = 1
-act = "lean"
-[[passenger]]
-name = "B"
-start = [3.5, 1.3]
-[[passenger.do]]
-at = 1
-act = "lean"
-)");
+  Play play(passenger_text("A", "start = [3.0, 1.3]") + act_text(1, "lean") +
+            passenger_text("B", "start = [3.5, 1.3]") + act_text(1, "lean"));
   const double apart = play.at(0.5, "B")->position[0] - play.at(0.5, "A")->position[0];
   const double together = play.at(4, "B")->position[0] - play.at(4, "A")->position[0];
   EXPECT_LT(together, apart - 0.1);
 }
 
 TEST(WorldTest, AChildIsSmallAndASeatIsReachedFromASeat) {
-  Play play(R"([[passenger]]
-name = "C"
-build = "child"
-height = 1.15
-seat = "left"
-[[passenger.do]]
-at = 3
-act = "sit"
-seat = "right"
-)");
+  Play play(passenger_text("C", "build = 'child'\nheight = 1.15\nseat = 'left'") +
+            act_text(3, "sit", "seat = 'right'"));
   EXPECT_EQ(play.at(1, "C")->posture, Posture::kSitting);
   EXPECT_LT(distance(*play.at(1, "C"), 1.0, 0.35), 0.2);
   EXPECT_DOUBLE_EQ(play.at(1, "C")->height, 1.15);
@@ -228,11 +159,11 @@ TEST(WorldTest, NobodyWalksThroughSeatsOrOthers) {
   std::string passengers;
   for (int i = 0; i < 8; ++i) {
     const double x = i % 2 == 0 ? 0.5 : 5.5;
-    passengers += "[[passenger]]\nname = \"P" + std::to_string(i) + "\"\nstart = [" +
-                  std::to_string(x + 0.1 * i * (i % 2 == 0 ? 1 : -1)) + ", " +
-                  std::to_string(0.95 + 0.12 * i) +
-                  "]\n[[passenger.do]]\nat = " + std::to_string(i) + "\nact = \"walk\"\nto = [" +
-                  std::to_string(6.0 - x) + ", " + std::to_string(1.7 - 0.1 * i) + "]\n";
+    passengers +=
+        passenger_text(
+            fmt::format("P{}", i),
+            fmt::format("start = [{}, {}]", x + 0.1 * i * (i % 2 == 0 ? 1 : -1), 0.95 + 0.12 * i)) +
+        act_text(i, "walk", fmt::format("to = [{}, {}]", 6.0 - x, 1.7 - 0.1 * i));
   }
   Play play(passengers);
   int close = 0, pairs = 0;
@@ -253,22 +184,9 @@ TEST(WorldTest, NobodyWalksThroughSeatsOrOthers) {
 }
 
 TEST(WorldTest, ASceneThatRepeatsBeginsAgain) {
-  const std::string text = "repeat = 20\n" + kRoom + R"([[passenger]]
-name = "A"
-carries = ["bag"]
-[[passenger.do]]
-at = 1
-act = "enter"
-[[passenger.do]]
-at = 6
-act = "put"
-[[passenger.do]]
-at = 9
-act = "take"
-[[passenger.do]]
-at = 12
-act = "leave"
-)";
+  const std::string text = "repeat = 20\n" + kRoom + passenger_text("A", "carries = ['bag']") +
+                           act_text(1, "enter") + act_text(6, "put") + act_text(9, "take") +
+                           act_text(12, "leave");
   World world(*parse_scene(text, "repeat.toml"), 3);
   PeopleFrame truth;
   for (int round = 0; round < 5; ++round) {
@@ -291,14 +209,7 @@ act = "leave"
 }
 
 TEST(WorldTest, VelocityIsThatOfThePosition) {
-  Play play(R"([[passenger]]
-name = "A"
-start = [0.6, 1.3]
-[[passenger.do]]
-at = 1
-act = "walk"
-to = [5.4, 1.3]
-)");
+  Play play(passenger_text("A", "start = [0.6, 1.3]") + act_text(1, "walk", "to = [5.4, 1.3]"));
   double before = play.at(2.5, "A")->position[0];
   for (double t = 2.6; t < 4.5; t += 0.1) {
     const Person* person = play.at(t, "A");
@@ -309,14 +220,8 @@ to = [5.4, 1.3]
 }
 
 TEST(WorldTest, TwoWorldsOfOneSeedAreEqualAndOfTwoAreNot) {
-  const std::string passengers = R"([[passenger]]
-name = "A"
-door = "door"
-[[passenger.do]]
-at = 1
-act = "walk"
-to = [5.0, 1.2]
-)";
+  const std::string passengers =
+      passenger_text("A", "door = 'door'") + act_text(1, "walk", "to = [5.0, 1.2]");
   Play a(passengers, 5), b(passengers, 5), c(passengers, 6);
   const Person* p = a.at(4, "A");
   const Person* q = b.at(4, "A");
