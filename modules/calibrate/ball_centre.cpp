@@ -71,6 +71,22 @@ Normal accumulate(const std::vector<Reading>& readings, const Eigen::Vector3d& c
   return normal;
 }
 
+// A ball stands out: of the readings just outside of its outline most lie behind its centre, or it
+// is a piece of a wall, which far away is as round as its noise. A post or a hand may hold it.
+bool stands_out(const std::vector<Reading>& readings, const Eigen::Vector3d& centre,
+                double radius) {
+  constexpr double kInner = 1.15, kOuter = 1.5;  // of the radius
+  int around = 0, behind = 0;
+  for (const Reading& reading : readings) {
+    const Eigen::Vector3d unit = reading.ray.normalized();
+    const double beside = (centre - centre.dot(unit) * unit).norm();
+    if (beside < kInner * radius || beside > kOuter * radius) continue;
+    ++around;
+    if (reading.z > centre.z()) ++behind;
+  }
+  return 2 * behind >= around;  // no reading at all: the sky, a black wall, the ball's own shadow
+}
+
 }  // namespace
 
 std::optional<BallCentre> ball_centre(const Camera& camera, const BallOutline& outline,
@@ -136,6 +152,10 @@ Result<SphereFit> fit_sphere(const DepthImage& image, const ImagerSolution& imag
   if (normal.readings < kReadingsMin || normal.readings < 0.4 * cap_readings)
     return fail(fmt::format("{} is not that of a ball of {:.0f} mm radius ({} readings fit)", where,
                             radius_m * 1e3, normal.readings));
+  if (!stands_out(readings, centre, radius_m))
+    return fail(fmt::format(
+        "{} is not that of a ball of {:.0f} mm radius (what is beside it lies no farther away)",
+        where, radius_m * 1e3));
   SphereFit result;
   result.p_S = centre;
   result.readings = normal.readings;

@@ -13,7 +13,8 @@ namespace {
 // The grid's four sides in the order i low, i high, j low, j high.
 struct Outline {
   int low_i = 0, high_i = 0, low_j = 0, high_j = 0;
-  std::array<bool, 4> border{};  // the board ends behind this side
+  std::array<bool, 4> border{};   // the board ends behind this side
+  std::array<bool, 4> goes_on{};  // it does not: there are squares behind the outermost ones
 };
 
 // A quarter turn of the grid onto the board: place (i, j) becomes column and row.
@@ -79,6 +80,34 @@ bool is_border(const BoardGrid& grid, const GrayImage& image, bool side_of_i, in
   return shown >= kShownMin && shown > 2 * contradicted;
 }
 
+// Are there squares, dark and bright in turn, behind those which this board would end with? Then a
+// larger board is seen.
+bool goes_on_beyond(const BoardGrid& grid, const GrayImage& image, bool side_of_i, int at,
+                    int outward) {
+  const auto difference = [&](double across, int along) -> std::optional<double> {
+    const auto seen = [&](double beside) {
+      return brightness(image, side_of_i
+                                   ? position_of(grid, at + outward * across, along + beside)
+                                   : position_of(grid, along + beside, at + outward * across));
+    };
+    const auto one = seen(-0.5), other = seen(0.5);
+    if (!one || !other) return std::nullopt;
+    return *other - *one;
+  };
+  int shown = 0, corners = 0;
+  for (const auto& [place, node] : grid.nodes) {
+    if ((side_of_i ? place.first : place.second) != at) continue;
+    const int along = side_of_i ? place.second : place.first;
+    const auto last = difference(0.5, along), behind = difference(1.5, along);
+    constexpr double kContrastMin = 30;
+    if (!last || !behind || std::abs(*last) < kContrastMin) continue;
+    ++corners;
+    if (*last * *behind < 0 && std::abs(*behind) > 0.5 * std::abs(*last)) ++shown;
+  }
+  constexpr int kShownMin = 3;
+  return shown >= kShownMin && 2 * shown > corners;
+}
+
 Outline outline_of(const BoardGrid& grid, const GrayImage& image) {
   Outline outline;
   const auto first = grid.nodes.begin()->first;
@@ -94,6 +123,10 @@ Outline outline_of(const BoardGrid& grid, const GrayImage& image) {
                     is_border(grid, image, true, outline.high_i, 1),
                     is_border(grid, image, false, outline.low_j, -1),
                     is_border(grid, image, false, outline.high_j, 1)};
+  outline.goes_on = {goes_on_beyond(grid, image, true, outline.low_i, -1),
+                     goes_on_beyond(grid, image, true, outline.high_i, 1),
+                     goes_on_beyond(grid, image, false, outline.low_j, -1),
+                     goes_on_beyond(grid, image, false, outline.high_j, 1)};
   return outline;
 }
 
@@ -105,15 +138,15 @@ bool is_possible(const Placement& placement, const Outline& outline, const Board
   const int row[2] = {std::min(low.second, high.second), std::max(low.second, high.second)};
   if (column[0] < 0 || column[1] >= board.columns || row[0] < 0 || row[1] >= board.rows)
     return false;
-  // Each border that was seen must be one of the board's.
+  // Each border that was seen must be one of the board's, and none where the pattern goes on.
   const std::array<std::pair<int, int>, 4> beyond = {{{outline.low_i - 1, outline.low_j},
                                                       {outline.high_i + 1, outline.low_j},
                                                       {outline.low_i, outline.low_j - 1},
                                                       {outline.low_i, outline.high_j + 1}}};
   for (std::size_t side = 0; side < 4; ++side) {
-    if (!outline.border[side]) continue;
     const auto [c, r] = on_board(placement, beyond[side]);
-    if (c >= 0 && c < board.columns && r >= 0 && r < board.rows) return false;
+    const bool inside = c >= 0 && c < board.columns && r >= 0 && r < board.rows;
+    if (inside ? outline.border[side] : outline.goes_on[side]) return false;
   }
   if ((board.rows + board.columns) % 2 == 0) return true;  // the colours tell nothing
   // Corner 0's square away from the board's middle, its (-, -), is dark: so at even row + column

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -18,7 +19,9 @@ cv::Mat as_mat(const GrayImage& image) {
   return {image.height, image.width, CV_8U, const_cast<std::uint8_t*>(image.pixels)};
 }
 
-// A whole board in OpenCV's order, as a grid: columns along i, rows along j, clockwise.
+// A whole board in OpenCV's order, as a grid: columns along i, rows along j, clockwise. Empty when
+// the colours do not alternate from corner to corner: in a larger pattern, corners across the
+// diagonals were taken.
 BoardGrid to_grid(const std::vector<cv::Point2f>& found, const Board& board,
                   const std::vector<SaddlePoint>& saddles) {
   BoardGrid grid;
@@ -32,7 +35,7 @@ BoardGrid to_grid(const std::vector<cv::Point2f>& found, const Board& board,
     for (int column = 0; column < board.columns; ++column)
       grid.nodes[{mirrored ? board.columns - 1 - column : column, row}] = {at(column, row), 0};
   // The colouring by vote of the saddles that coincide with nodes.
-  int votes = 0;
+  int votes = 0, voters = 0;
   for (const auto& [place, node] : grid.nodes) {
     const auto saddle = std::min_element(
         saddles.begin(), saddles.end(), [&](const SaddlePoint& a, const SaddlePoint& b) {
@@ -45,7 +48,10 @@ BoardGrid to_grid(const std::vector<cv::Point2f>& found, const Board& board,
     const Eigen::Vector2d bright(std::cos(saddle->bright_angle), std::sin(saddle->bright_angle));
     const bool even = (place.first + place.second) % 2 == 0;
     votes += (std::abs(bright.dot(diagonal)) > 0.7071) == even ? 1 : -1;
+    ++voters;
   }
+  constexpr double kAgree = 0.8;
+  if (std::abs(votes) < kAgree * voters) return {};
   grid.bright_at_even = votes >= 0 ? 1 : -1;
   return grid;
 }
@@ -79,23 +85,61 @@ void refine(BoardGrid& grid, const cv::Mat& gray) {
   }
 }
 
+// How far a node lies from where its neighbours' homography has it; 0 where too few tell.
+double misfit_of(const BoardGrid& grid, const std::pair<int, int>& place) {
+  BoardGrid others;
+  for (const auto& [at, node] : grid.nodes)
+    if (at != place && std::abs(at.first - place.first) <= 3 &&
+        std::abs(at.second - place.second) <= 3)
+      others.nodes.emplace(at, node);
+  constexpr std::size_t kTelling = 6;
+  if (others.nodes.size() < kTelling) return 0;
+  const Eigen::Vector2d expected = position_of(others, place.first, place.second);
+  if (!expected.allFinite()) return 0;
+  return (expected - grid.nodes.at(place).pixel).norm();
+}
+
 // Corners that hang together but do not lie where their neighbours' homography has them were taken
-// from something before the board.
+// from something before the board, or a bar's edge beside them has moved them. The worst goes
+// first, for it spoils what its neighbours expect; what is far is measured by what all others are.
 void drop_misfits(BoardGrid& grid) {
-  for (auto it = grid.nodes.begin(); it != grid.nodes.end();) {
-    const auto place = it->first;
-    BoardGrid others;
-    for (const auto& [at, node] : grid.nodes)
-      if (at != place && std::abs(at.first - place.first) <= 3 &&
-          std::abs(at.second - place.second) <= 3)
-        others.nodes.emplace(at, node);
-    const Eigen::Vector2d expected =
-        others.nodes.size() < 6 ? it->second.pixel : position_of(others, place.first, place.second);
-    constexpr double kMisfit_px = 2.5;
-    if (!expected.allFinite() || (expected - it->second.pixel).norm() > kMisfit_px)
-      it = grid.nodes.erase(it);
-    else
-      ++it;
+  std::map<std::pair<int, int>, double> misfits;
+  for (const auto& [place, node] : grid.nodes) misfits[place] = misfit_of(grid, place);
+  while (!misfits.empty()) {
+    std::vector<double> sorted;
+    for (const auto& [place, misfit] : misfits) sorted.push_back(misfit);
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    constexpr double kMisfitMin_px = 0.8, kMisfitMax_px = 2.5, kMedians = 5;
+    const double limit = std::clamp(kMedians * *middle, kMisfitMin_px, kMisfitMax_px);
+    const auto worst =
+        std::max_element(misfits.begin(), misfits.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
+    if (worst->second <= limit) return;
+    const auto gone = worst->first;
+    grid.nodes.erase(gone);
+    misfits.erase(worst);
+    for (auto& [place, misfit] : misfits)
+      if (std::abs(place.first - gone.first) <= 3 && std::abs(place.second - gone.second) <= 3)
+        misfit = misfit_of(grid, place);
+  }
+}
+
+// A row or column of one corner at the edge of what was found says too little to be the board's
+// end: where a board ends decides what its corners are called.
+void drop_lone_sides(BoardGrid& grid) {
+  for (bool dropped = true; dropped && !grid.nodes.empty();) {
+    dropped = false;
+    std::map<int, int> by_i, by_j;
+    for (const auto& [place, node] : grid.nodes) ++by_i[place.first], ++by_j[place.second];
+    const auto is_lone = [&](const std::pair<int, int>& place) {
+      const bool end_of_i =
+          place.first == by_i.begin()->first || place.first == by_i.rbegin()->first;
+      const bool end_of_j =
+          place.second == by_j.begin()->first || place.second == by_j.rbegin()->first;
+      return (end_of_i && by_i[place.first] == 1) || (end_of_j && by_j[place.second] == 1);
+    };
+    dropped = std::erase_if(grid.nodes, [&](const auto& item) { return is_lone(item.first); }) > 0;
   }
 }
 
@@ -116,10 +160,12 @@ Result<DetectedBoard> detect_board(const GrayImage& image, const Board& board) {
   BoardGrid grid;
   if (cv::findChessboardCornersSB(gray, {board.columns, board.rows}, found, flags)) {
     grid = to_grid(found, board, saddles);
-  } else {
+  }
+  if (grid.nodes.empty()) {
     grid = find_grid(saddles, std::max(board.rows, board.columns));
     if (!grid.nodes.empty()) refine(grid, gray);
     if (!grid.nodes.empty()) drop_misfits(grid);
+    drop_lone_sides(grid);
   }
   if (grid.nodes.size() < kCornersMin)
     return fail(
@@ -129,7 +175,7 @@ Result<DetectedBoard> detect_board(const GrayImage& image, const Board& board) {
   DetectedBoard result = place_grid(grid, board, image);
   if (result.corners.empty())
     return fail(
-        fmt::format("a pattern of {} x {} corners was found, which is no part of the {} x "
+        fmt::format("a pattern of {} x {} corners or more was found, which is no part of the {} x "
                     "{} board",
                     grid.extent_i(), grid.extent_j(), board.rows, board.columns));
   return result;

@@ -96,6 +96,10 @@ TEST(SphereFit, FindsABallBeforeAWallOnATripodThroughNoise) {
     const Eigen::Vector3d error = fit->p_S - centre;
     EXPECT_LT(error.norm(), 0.004) << i;
     normalised += error.dot(fit->covariance.ldlt().solve(error)) / (3 * kBalls);
+    // On the wall there is no ball.
+    const auto wall = fit_sphere(image, imager, {30, 30}, radius);
+    ASSERT_FALSE(wall);
+    EXPECT_THAT(wall.error().message, testing::HasSubstr("is not that of a ball of 60 mm radius"));
   }
   const std::vector<std::uint16_t> dark(640 * 480, 0);
   const auto none = fit_sphere({dark.data(), 640, 480}, imager, {300, 200}, radius);

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cstdlib>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <random>
 
 #include "board_images.h"
 
@@ -36,7 +39,9 @@ Score score(const DetectedBoard& detected, const Rigid& X_SP) {
 
 // Rolled every way: the colours tell the two ends of a board with rows + columns odd apart.
 TEST(DetectBoard, WholeBoardsKeepTheirIdsWhicheverWayTheyAreSeen) {
-  for (const double roll : {0.1, 1.2, 1.9, 3.0, -2.2, -1.0}) {
+  double squares = 0;
+  constexpr std::array kRolls = {0.1, 1.2, 1.9, 3.0, -2.2, -1.0};
+  for (const double roll : kRolls) {
     const Rigid X_SP = synthetic::facing(kBoard, 0.7, 0.4, -0.3, roll);
     auto photo = synthetic::photograph(kBoard, kCamera, X_SP);
     photo.blur(0.7);
@@ -46,8 +51,10 @@ TEST(DetectBoard, WholeBoardsKeepTheirIdsWhicheverWayTheyAreSeen) {
     EXPECT_TRUE(detected->whole);
     const Score result = score(*detected, X_SP);
     EXPECT_EQ(result.wrong, 0) << roll;
-    EXPECT_LT(result.rms_px, 0.2) << roll;
+    EXPECT_LT(result.rms_px, 0.15) << roll;
+    squares += result.rms_px * result.rms_px / kRolls.size();
   }
+  EXPECT_LT(std::sqrt(squares), 0.12);
 }
 
 struct Hidden {
@@ -81,6 +88,13 @@ INSTANTIATE_TEST_SUITE_P(By, PartlyHidden,
                                                   p.blur(0.7);
                                                 },
                                                 36},
+                                         Hidden{"slanting_bar",
+                                                [](synthetic::Photograph& p) {
+                                                  for (int v = 0; v < 480; ++v)
+                                                    p.cover(150 + v / 2, v, 190 + v / 2, v + 1, 60);
+                                                  p.blur(0.7);
+                                                },
+                                                34},
                                          Hidden{"a_person_before_one_end",
                                                 [](synthetic::Photograph& p) {
                                                   p.cover(0, 0, 265, 480, 70);
@@ -109,6 +123,43 @@ INSTANTIATE_TEST_SUITE_P(By, PartlyHidden,
                                                 30}),
                          [](const auto& parameter) { return std::string(parameter.param.name); });
 
+// Bars of any place, slope, width and light before boards of any roll. What is found may be little,
+// or without a place, but a corner is never called by another's name: a wrong ID is worse than a
+// refusal.
+TEST(DetectBoard, BarsOfAnyKindGiveNoWrongId) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  const int boards = std::getenv("WAGONSIGHT_LONG_PROOF") != nullptr ? 120 : 10;
+  int found = 0, placed = 0, corners = 0;
+  for (int i = 0; i < boards; ++i) {
+    const Rigid X_SP = synthetic::facing(kBoard, 0.7, 0.8 * (uniform(random) - 0.5),
+                                         0.8 * (uniform(random) - 0.5), 6.28 * uniform(random));
+    auto photo = synthetic::photograph(kBoard, kCamera, X_SP);
+    const double middle = 200 + 240 * uniform(random), slope = 2 * (uniform(random) - 0.5),
+                 half = 8 + 40 * uniform(random);
+    const auto light = static_cast<float>(20 + 220 * uniform(random));
+    for (int v = 0; v < 480; ++v) {
+      const double at = middle + slope * (v - 240);
+      photo.cover(static_cast<int>(at - half), v, static_cast<int>(at + half), v + 1, light);
+    }
+    photo.blur(0.6 + uniform(random));
+    photo.expose(4, static_cast<unsigned>(i));
+    const auto detected = detect_board(photo.view(), kBoard);
+    if (!detected) continue;
+    ++found;
+    if (!detected->placed) continue;
+    ++placed;
+    for (const Corner& corner : detected->corners) {
+      ++corners;
+      const Eigen::Vector2d truth = project(kCamera, X_SP * kBoard.point(corner.id)).value();
+      EXPECT_LT((corner.pixel - truth).norm(), 3) << "board " << i << ", corner " << corner.id;
+    }
+  }
+  std::printf("bars: %d of %d boards found, %d placed, %d corners\n", found, boards, placed,
+              corners);
+  EXPECT_GE(placed, boards * 6 / 10);
+}
+
 TEST(DetectBoard, APartWithoutItsBorderIsNotGivenAPlaceByGuess) {
   const Rigid X_SP = synthetic::facing(kBoard, 0.7, 0.2, 0.2, 0.1);
   auto photo = synthetic::photograph(kBoard, kCamera, X_SP);
@@ -135,6 +186,12 @@ TEST(DetectBoard, SaysWhyThereIsNone) {
   const auto empty = detect_board(photo.view(), kBoard);
   ASSERT_FALSE(empty);
   EXPECT_THAT(empty.error().message, testing::StartsWith("no board was found: "));
+  const Board larger{8, 13, 0.03};
+  auto other = synthetic::photograph(larger, kCamera, synthetic::facing(larger, 0.7, 0.1, 0.1, 0));
+  other.expose(3, 1);
+  const auto wrong = detect_board(other.view(), Board{4, 5, 0.03});
+  // A larger board's part is not taken for the board.
+  EXPECT_TRUE(!wrong || !wrong->whole);
   const std::uint8_t few[64] = {};
   EXPECT_EQ(detect_board({few, 8, 8}, kBoard).error().message,
             "the image is too small to show a board");
@@ -183,7 +240,7 @@ TEST(DetectBoard, RealBoardsWithBlankedRectangles) {
               found, images, unplaced, corners, expected, wrong,
               std::sqrt(squares / std::max(1, corners)));
   ASSERT_GE(images, 9);
-  EXPECT_GE(found, images * 3 / 4);
+  EXPECT_GE(found, images * 9 / 10);
   EXPECT_LE(wrong, corners / 100);
   EXPECT_GE(corners, expected * 8 / 10);
 }
