@@ -101,8 +101,9 @@ double misfit_of(const BoardGrid& grid, const std::pair<int, int>& place) {
 
 // Corners that hang together but do not lie where their neighbours' homography has them were taken
 // from something before the board, or a bar's edge beside them has moved them. The worst goes
-// first, for it spoils what its neighbours expect; what is far is measured by what all others are.
-void drop_misfits(BoardGrid& grid) {
+// first, for it spoils what its neighbours expect; what is far is measured by what all others are,
+// but `tolerated_px` is not.
+void drop_misfits(BoardGrid& grid, double tolerated_px) {
   std::map<std::pair<int, int>, double> misfits;
   for (const auto& [place, node] : grid.nodes) misfits[place] = misfit_of(grid, place);
   while (!misfits.empty()) {
@@ -110,8 +111,8 @@ void drop_misfits(BoardGrid& grid) {
     for (const auto& [place, misfit] : misfits) sorted.push_back(misfit);
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
-    constexpr double kMisfitMin_px = 0.8, kMisfitMax_px = 2.5, kMedians = 5;
-    const double limit = std::clamp(kMedians * *middle, kMisfitMin_px, kMisfitMax_px);
+    constexpr double kMisfitMax_px = 2.5, kMedians = 5;
+    const double limit = std::clamp(kMedians * *middle, tolerated_px, kMisfitMax_px);
     const auto worst =
         std::max_element(misfits.begin(), misfits.end(),
                          [](const auto& a, const auto& b) { return a.second < b.second; });
@@ -160,11 +161,13 @@ Result<DetectedBoard> detect_board(const GrayImage& image, const Board& board) {
   BoardGrid grid;
   if (cv::findChessboardCornersSB(gray, {board.columns, board.rows}, found, flags)) {
     grid = to_grid(found, board, saddles);
+    // OpenCV also finds corners that a bar covers, some pixels beside their places.
+    drop_misfits(grid, 1.5);
   }
   if (grid.nodes.empty()) {
     grid = find_grid(saddles, std::max(board.rows, board.columns));
     if (!grid.nodes.empty()) refine(grid, gray);
-    if (!grid.nodes.empty()) drop_misfits(grid);
+    if (!grid.nodes.empty()) drop_misfits(grid, 0.8);
     drop_lone_sides(grid);
   }
   if (grid.nodes.size() < kCornersMin)

@@ -32,6 +32,7 @@ struct Problem {
   std::vector<Observation> observations;
   int reference_pose = 0;
   std::vector<std::string> remarks;
+  bool keep_all = false;  // no view that contradicts the others is left out
 
   const SensorSpec& spec(int imager) const {
     return sensors[static_cast<std::size_t>(

@@ -186,6 +186,7 @@ Result<Solution> solve(const Observations& observations, const std::vector<Senso
   auto assembled = assemble(observations, sensors);
   if (!assembled) return fail(assembled.error().message);
   Problem problem = std::move(*assembled);
+  problem.keep_all = options.reject_sigmas <= 0;
   if (auto started = calibration::find_start_values(problem); !started)
     return fail(started.error().message);
   list_observations(problem);

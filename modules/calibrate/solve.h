@@ -7,7 +7,7 @@ namespace wagonsight {
 struct SolveOptions {
   double robust_px = 1.0;      // scale of the Cauchy loss of the first adjustment
   double reject_sigmas = 4.5;  // of an imager's noise; a corner beyond is named and left out;
-                               // 0: every corner counts, and all imagers weigh alike
+                               // 0: every corner of every view counts, and all imagers weigh alike
   bool hold_out = true;        // estimate the error on corners that were not used
   int iterations_max = 100;
 };

@@ -122,7 +122,7 @@ class StartValues {
   Result<void> express_in_reference();
   double pose_cost(int pose, const Rigid& X_RP) const;
   bool try_renumbering(std::size_t view);
-  void leave_out(std::size_t view, std::string_view why);
+  void remark(std::size_t view, std::string_view what);
 
   Problem& problem_;
   std::vector<Resection> resections_;
@@ -240,6 +240,23 @@ double view_rms(const Problem& problem, std::size_t v, const Rigid& X_SP,
   return *middle;
 }
 
+// From one corner to the next in the image, the median; 0 without neighbours.
+double spacing_px(const Board& board, const std::vector<Corner>& corners) {
+  std::map<int, Eigen::Vector2d> at;
+  for (const Corner& corner : corners) at[corner.id] = corner.pixel;
+  std::vector<double> lengths;
+  for (const auto& [id, pixel] : at) {
+    const auto right = at.find(id + 1), below = at.find(id + board.columns);
+    if (right != at.end() && right->first % board.columns != 0)
+      lengths.push_back((right->second - pixel).norm());
+    if (below != at.end()) lengths.push_back((below->second - pixel).norm());
+  }
+  if (lengths.empty()) return 0;
+  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  return *middle;
+}
+
 // What somebody who clicks, or a detector that cannot tell a board's ends apart, gets wrong.
 struct Renumbering {
   bool quarter = false;  // turned by 90 degrees: a part of a board may be counted across
@@ -316,8 +333,8 @@ bool StartValues::try_renumbering(std::size_t v) {
   return true;
 }
 
-void StartValues::leave_out(std::size_t v, std::string_view why) {
-  problem_.remarks.push_back(fmt::format("{}: {}", describe(problem_.views[v]), why));
+void StartValues::remark(std::size_t v, std::string_view what) {
+  problem_.remarks.push_back(fmt::format("{}: {}", describe(problem_.views[v]), what));
 }
 
 void StartValues::repair_shifted_views() {
@@ -328,20 +345,29 @@ void StartValues::repair_shifted_views() {
     const auto imager = static_cast<std::size_t>(problem_.view_imager[v]);
     const auto pose = static_cast<std::size_t>(problem_.view_pose[v]);
     const bool known = imager_known_[imager] && pose_known_[pose];
+    // Less than a third of a square is the start values' own error, or a board that was moved: no
+    // other ID explains it, and the adjustment itself leaves out what does not fit.
+    const double wrong_px = std::max(kWrongPx, spacing_px(problem_.board, view.corners) / 3);
     keep[v] = known && view.placed &&
-              view_rms(problem_, v, X_SR_[imager] * X_RP_[pose], view.corners) < kWrongPx;
+              view_rms(problem_, v, X_SR_[imager] * X_RP_[pose], view.corners) < wrong_px;
     if (keep[v]) continue;
     if (!known) {
-      leave_out(v, view.placed ? "too few corners agree with a flat board; the view was left out"
-                               : "shows a part of the board, and no other view of the pose tells "
-                                 "which; it was left out (click its corners)");
+      remark(v, view.placed ? "too few corners agree with a flat board; the view was left out"
+                            : "shows a part of the board, and no other view of the pose tells "
+                              "which; it was left out (click its corners)");
       continue;
     }
     keep[v] = try_renumbering(v);
-    if (!keep[v])
-      leave_out(v,
-                "it contradicts the other views of its board pose; it was left out (was the board "
-                "or a camera moved?)");
+    if (keep[v]) continue;
+    keep[v] = problem_.keep_all && view.placed;
+    if (keep[v])
+      remark(v,
+             "it contradicts the other views of its board pose; it was kept as all are (was "
+             "the board or a camera moved?)");
+    else
+      remark(v,
+             "it contradicts the other views of its board pose; it was left out (was the board "
+             "or a camera moved?)");
   }
   std::size_t kept = 0;
   for (std::size_t v = 0; v < problem_.views.size(); ++v) {
