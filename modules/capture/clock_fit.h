@@ -18,7 +18,8 @@ struct ClockFitOptions {
 
 // When was the light taken? Fits a device's clock to the host's.
 //
-// A frame with device time x (seconds since the first frame, nominal) arrives at
+// A frame (or a packet of one: the more often the clock is told, the tighter the line) with device
+// time x (seconds since the first, nominal) arrives at
 //
 //     a = offset + (1 + drift) x + latency_min + late,        late >= 0
 //
@@ -38,12 +39,13 @@ class ClockFit {
  public:
   explicit ClockFit(const ClockFitOptions& options) : options_(options) {}
 
-  // Takes in one frame and returns the instant of its light. `ticks` are unwrapped.
+  // Takes in one frame or packet and returns the instant of its light. `ticks` are unwrapped.
   HostTime observe(std::uint64_t ticks, HostTime arrival);
 
   // Host time of any device time near those observed; valid after the first observe().
   HostTime to_host(std::uint64_t ticks) const;
 
+  bool has_started() const { return started_; }
   // Of the device against the host's clock: positive when the device's clock is slow.
   double drift_ppm() const { return drift_ * 1e6; }
   // How late the last frame came behind the earliest possible arrival.

@@ -10,6 +10,11 @@ namespace {
 // An instant is before its arrival by the clock fit's design; a second is beyond any doubt.
 constexpr Duration kImplausibleLead = std::chrono::seconds(1);
 constexpr std::size_t kPeriodsNeeded = 3;
+// Parts of a period, or of a way.
+constexpr int kSameRate = 50;    // periods that differ by less are equal
+constexpr int kClearly = 16;     // a gap that is wider by so much is clearly wider
+constexpr int kPhaseGain = 16;   // of the way to the middle of the phases, the tick goes at once
+constexpr int kWiderTicks = 30;  // jitter does not keep an equal gap the wider one for so many
 
 // How old a frame may be and still be taken before a newer one.
 constexpr Duration inertia(Duration period) {
@@ -123,22 +128,23 @@ bool FrameSetBuilder::deadline_passed(const Tick& tick) const {
 std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_tick() {
   reference_ = choose_reference();
   if (reference_ < 0) return find_silent_tick();
+  if (planned_reference_ != reference_) plan_phase();
   SensorQueue& queue = queues_[static_cast<std::size_t>(reference_)];
   Tick regular{{}, queue.period, reference_};
+  const Duration phase = planned_reference_ == reference_ ? phase_ : Duration{};
 
   // A frame that answers to a tick that has passed makes no tick of its own.
   while (last_tick_ && !queue.entries.empty()) {
-    const HostTime instant = queue.entries[0].instant;
+    const HostTime instant = queue.entries[0].instant + phase;
     const bool own_pace = last_tick_->reference == reference_;
     if (instant > last_tick_->instant + (own_pace ? Duration{} : regular.period / 2)) break;
     drop_front(queue, queue.counters.late);
   }
   const Entry* frame = queue.entries.empty() ? nullptr : queue.entries.begin();
+  if (frame != nullptr) regular.instant = frame->instant + phase;
   if (last_tick_)
     if (const auto gap = find_gap_tick(regular, frame)) return gap;
-  if (frame == nullptr) return std::nullopt;
-  regular.instant = frame->instant;
-  return regular;
+  return frame == nullptr ? std::nullopt : std::optional(regular);
 }
 
 // A tick where the reference has no frame and another sensor has one: at the instant of the frame
@@ -146,7 +152,7 @@ std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_tick() {
 std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_gap_tick(
     const Tick& regular, const Entry* reference_frame) const {
   const HostTime missing = last_tick_->instant + regular.period;
-  if (reference_frame != nullptr && reference_frame->instant < missing + regular.period / 2)
+  if (reference_frame != nullptr && regular.instant < missing + regular.period / 2)
     return std::nullopt;
   const Entry* other = nullptr;
   for (const SensorQueue& queue : queues_) {
@@ -161,8 +167,7 @@ std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_gap_tick(
   if (other->instant >= missing + regular.period / 2) gap.instant = other->instant;
   // Frames of one sensor come in order: a later one of the reference proves that this is missing.
   if (reference_frame != nullptr)
-    return reference_frame->instant >= gap.instant + regular.period / 2 ? std::optional(gap)
-                                                                        : std::nullopt;
+    return regular.instant >= gap.instant + regular.period / 2 ? std::optional(gap) : std::nullopt;
   return deadline_passed(gap) ? std::optional(gap) : std::nullopt;
 }
 
@@ -212,6 +217,51 @@ void FrameSetBuilder::emit(const Tick& tick, FrameSet& set) {
     ++queues_[i].counters.used;
   }
   last_tick_ = tick;
+  plan_phase();
+}
+
+// Once a tick, and when the reference changes, so that it does not matter how often next() asks.
+void FrameSetBuilder::plan_phase() {
+  if (reference_ < 0) return;
+  const SensorQueue& reference = queues_[static_cast<std::size_t>(reference_)];
+  const Duration period = reference.period;
+  FixedVector<Duration, kSensorsMax> phases;  // behind the reference's frame, in [0, period)
+  for (const SensorQueue& queue : queues_) {
+    const bool is_counted = queue.periods.size() >= kPeriodsNeeded && !silent(queue);
+    if (!is_counted || abs(queue.period - period) > period / kSameRate) continue;
+    const Duration behind = (queue.last_instant - reference.last_instant) % period;
+    phases.push_back(behind < Duration{} ? behind + period : behind);
+  }
+  if (phases.empty()) return;
+  std::sort(phases.begin(), phases.end());
+  const bool is_new = planned_reference_ != reference_;
+  // Each gap follows a phase; the cut lies half a period before the tick.
+  const auto gap_behind = [&](std::size_t i) {
+    return i + 1 < phases.size() ? phases[i + 1] - phases[i] : phases[0] + period - phases[i];
+  };
+  const auto middle_beside = [&](std::size_t i) {  // of the phases when cut in this gap
+    return phases[i] + (gap_behind(i) + period) / 2;
+  };
+  const auto from_now = [&](Duration tick) {  // how far the tick would move, at most half a period
+    const Duration step = (tick - phase_) % period;
+    return step > period / 2 ? step - period : step <= -period / 2 ? step + period : step;
+  };
+  std::size_t widest = 0;
+  std::size_t present = 0;
+  for (std::size_t i = 1; i < phases.size(); ++i) {
+    if (gap_behind(i) > gap_behind(widest)) widest = i;
+    if (abs(from_now(middle_beside(i))) < abs(from_now(middle_beside(present)))) present = i;
+  }
+  const Duration gain = gap_behind(widest) - gap_behind(present);
+  wider_for_ = gain > Duration{} ? wider_for_ + 1 : 0;
+  const bool moves = is_new || gain > period / kClearly || wider_for_ >= kWiderTicks;
+  const Duration step = from_now(middle_beside(moves ? widest : present));
+  phase_ += moves ? step : step / kPhaseGain;
+  if (moves) wider_for_ = 0;
+  // The tick belongs to the nearest frame of the reference.
+  if (phase_ > period / 2) phase_ -= period;
+  if (phase_ <= -period / 2) phase_ += period;
+  planned_reference_ = reference_;
 }
 
 SensorFrame FrameSetBuilder::take_nearest(SensorQueue& queue, const Tick& tick) {

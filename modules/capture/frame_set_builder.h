@@ -25,10 +25,16 @@ struct FrameSetOptions {
 // Groups frames of many sensors into FrameSets, one for each frame of the fastest sensor.
 //
 // The reference is the sensor with the shortest measured period of those that are not silent (it
-// keeps that part until another is a quarter faster). Each of its frames is a tick. Where it missed
-// one, or before it is lost, other sensors' frames get a tick of their own at the instant at which
-// its frame should have been. So a recording of one camera gives exactly one FrameSet a frame,
+// keeps that part until another is a quarter faster). Each of its frames makes a tick. Where it
+// missed one, or before it is lost, other sensors' frames get a tick of their own at the instant
+// that its frame would have made. So a recording of one camera gives exactly one FrameSet a frame,
 // whatever its rate.
+//
+// A tick lies at the mid-phase: of all sensors of the reference's rate, which nobody can trigger,
+// the phases are cut at their widest gap, and the tick is the middle of the rest. Then n such
+// sensors spread over at most (1 - 1/n) P, half of it to either side; on the reference's own frame
+// they could be up to P/2 away on both sides. The cut moves, and may cost a frame, when another gap
+// has become clearly wider, or has been wider for a second.
 //
 // At tick t with period P a sensor's frame is the one nearest to t in (t - P, t + P/2): older ones
 // were late, newer ones belong to the next tick. Nearest with a little inertia: a frame less than
@@ -121,6 +127,7 @@ class FrameSetBuilder {
   bool settled(const Tick& tick) const;
   bool settled(const SensorQueue& queue, const Tick& tick) const;
   void emit(const Tick& tick, FrameSet& set);
+  void plan_phase();
   SensorFrame take_nearest(SensorQueue& queue, const Tick& tick);
   bool missing(const SensorQueue& queue, const Tick& tick) const;
   void release_current();
@@ -130,6 +137,9 @@ class FrameSetBuilder {
   std::array<SensorQueue, kSensorsMax> queues_{};
   FixedVector<FrameSlot*, kSensorsMax> current_;  // slots of the set that was handed out last
   int reference_ = -1;
+  int planned_reference_ = -1;  // whose frames phase_ counts from
+  Duration phase_{};            // from the reference's frame to its tick
+  int wider_for_ = 0;           // ticks during which another gap was the widest
   std::optional<HostTime> started_;
   std::optional<Tick> last_tick_;
   HostTime now_{};

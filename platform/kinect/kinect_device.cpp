@@ -1,6 +1,7 @@
 #include "kinect/kinect_device.h"
 
 #include <algorithm>
+#include <cstring>
 #include <string_view>
 
 #include "kinect/usb_guards.h"
@@ -35,6 +36,14 @@ constexpr auto kNoOptics =
 constexpr auto kNoStream =
     "the Kinect's stream cannot start; raise usbcore.usbfs_memory_mb or use another USB controller";
 constexpr auto kUnplugged = "the Kinect was unplugged or lost its power; check plug and supply";
+
+// libfreenect hands out a packet's payload where it came in, behind the header of 12 bytes that
+// ends with the camera's clock; it tells the clock of a frame's last packet only.
+std::uint32_t ticks_before(const std::byte* payload) {
+  std::uint32_t ticks = 0;
+  std::memcpy(&ticks, payload - sizeof ticks, sizeof ticks);
+  return ticks;
+}
 
 bool is_camera(const libusb_device_descriptor& descriptor) {
   return descriptor.idVendor == kMicrosoft && std::find(std::begin(kCameras), std::end(kCameras),
@@ -164,8 +173,9 @@ KinectDevice::Trouble KinectDevice::start_depth() {
   freenect_set_depth_chunk_callback(
       device_, [](void* /*buffer*/, void* bytes, int number, int count, void* user) {
         const HeapExemptionPause sealed;
-        static_cast<KinectListener*>(user)->packet(
-            number, {static_cast<const std::byte*>(bytes), static_cast<std::size_t>(count)});
+        const auto* payload = static_cast<const std::byte*>(bytes);
+        static_cast<KinectListener*>(user)->packet(number, ticks_before(payload),
+                                                   {payload, static_cast<std::size_t>(count)});
       });
   freenect_set_depth_callback(
       device_, [](freenect_device* device, void* /*depth*/, std::uint32_t ticks) {

@@ -19,7 +19,9 @@ namespace wagonsight {
 class KinectListener {
  public:
   virtual ~KinectListener() = default;
-  virtual void packet(int number, std::span<const std::byte> payload) = 0;
+  // `ticks`: the camera's clock when the packet left it.
+  virtual void packet(int number, std::uint32_t ticks, std::span<const std::byte> payload) = 0;
+  // `ticks`: of the last packet of the frame that came.
   virtual void frame_end(std::uint32_t ticks) = 0;
 };
 

@@ -37,8 +37,11 @@ enum class Phase { kClosed, kStarting, kStreaming };
 struct KinectSensor::State final : KinectListener {
   explicit State(KinectOptions wanted) : options(std::move(wanted)), device(*this) {}
 
-  void packet(int number, std::span<const std::byte> payload) override {
+  void packet(int number, std::uint32_t ticks, std::span<const std::byte> payload) override {
     assembly.add(number, payload);
+    // Each packet tells the time, not only the last of its frame: there are two hundred times as
+    // many, in fifteen transfers, and a lost one spoils none of the others.
+    clock.observe(unwrapper.unwrap(ticks), host_now());
   }
   void frame_end(std::uint32_t ticks) override;
 
@@ -200,9 +203,9 @@ void KinectSensor::State::frame_end(std::uint32_t raw_ticks) {
   const std::uint64_t ticks = unwrapper.unwrap(raw_ticks);
   const bool is_whole = assembly.finish();
   count_lost_frames(ticks, arrival);
-  // The timestamp of a frame whose end was lost is that of an earlier packet: nothing to fit to.
+  // A clock that began anew while the device was opened may not have met a packet yet.
   const HostTime instant =
-      is_whole || !has_ticks ? clock.observe(ticks, arrival) : clock.to_host(ticks);
+      clock.has_started() ? clock.to_host(ticks) : clock.observe(ticks, arrival);
   last_ticks = ticks;
   has_ticks = true;
   push(ticks, arrival, instant, is_whole);

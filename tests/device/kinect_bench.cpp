@@ -14,17 +14,21 @@ std::string serial_of(std::size_t unit) {
 
 }  // namespace
 
-KinectBench::KinectBench(std::size_t count, const Change& change)
-    : pool_(4 * count + 4, static_cast<std::size_t>(KinectUnit::kPixels) * 2),
+KinectBench::KinectBench(std::size_t count, const Change& change, Picture picture)
+    : picture_(std::move(picture)),
+      pool_(4 * count + 4, static_cast<std::size_t>(KinectUnit::kPixels) * 2),
       logs_(count),
       raw_(KinectUnit::kPixels),
       tables_(count, std::vector<std::uint16_t>(2048)) {
+  if (!picture_)
+    picture_ = [](std::size_t unit, std::uint32_t number, std::span<std::uint16_t> raw) {
+      paint_test_pattern(static_cast<unsigned>(unit), number, raw);
+    };
   for (std::size_t i = 0; i < count; ++i) {
     KinectUnit::Options options;
     options.serial = serial_of(i);
-    options.feed = [i](std::uint32_t number, Nanoseconds /*light*/, std::span<std::uint16_t> raw) {
-      paint_test_pattern(static_cast<unsigned>(i), number, raw);
-    };
+    options.feed = [this, i](std::uint32_t number, Nanoseconds /*light*/,
+                             std::span<std::uint16_t> raw) { picture_(i, number, raw); };
     options.drift_ppm = 20.0 * static_cast<double>(i) - 30.0;
     options.phase = static_cast<Nanoseconds>(i) * 7'300'000;
     options.first_ticks = 0xF0000000U + static_cast<std::uint32_t>(i) * 0x01234567U;
@@ -44,6 +48,7 @@ KinectBench::KinectBench(std::size_t count, const Change& change)
 
 KinectBench::~KinectBench() {
   for (auto& thread : threads_) thread->stop();
+  taker_ = {};
   take_frames();
   sensors_.clear();
   VirtualTime::instance().forget_script();
@@ -80,7 +85,10 @@ void KinectBench::take_frames() {
   for (std::size_t i = 0; i < threads_.size(); ++i) {
     while (FrameSlot* slot = threads_[i]->take()) {
       check(i, *slot);
-      pool_.release(slot);
+      if (taker_)
+        taker_(slot);
+      else
+        pool_.release(slot);
     }
   }
 }
@@ -93,7 +101,10 @@ void KinectBench::check(std::size_t unit, const FrameSlot& slot) {
   }
   const std::uint32_t number = units_[unit]->frame_of_ticks(slot.device_ticks);
   log.good.push_back({number, slot.instant, slot.arrival});
-  paint_test_pattern(static_cast<unsigned>(unit), number, raw_);
+  {
+    const std::lock_guard hold(VirtualTime::instance().mutex());  // as when the unit asks
+    picture_(unit, number, raw_);
+  }
   const DepthImage depth = slot.depth();
   const auto& table = tables_[unit];
   for (std::size_t i = 0; i < raw_.size(); ++i)

@@ -17,10 +17,18 @@ class KinectBench {
  public:
   // `change` may change a unit's options before it is plugged in.
   using Change = std::function<void(std::size_t unit, KinectUnit::Options& options)>;
-  explicit KinectBench(std::size_t count, const Change& change = {});
+  // What a unit sees in its frame `number`, in raw disparities; the same whenever it is asked.
+  using Picture =
+      std::function<void(std::size_t unit, std::uint32_t number, std::span<std::uint16_t> raw)>;
+  explicit KinectBench(std::size_t count, const Change& change = {}, Picture picture = {});
   ~KinectBench();
   KinectBench(const KinectBench&) = delete;
   KinectBench& operator=(const KinectBench&) = delete;
+
+  // Takes over each frame after its check, damaged ones too, and gives it back to pool().
+  using Taker = std::function<void(FrameSlot* slot)>;
+  void hand_on(Taker taker) { taker_ = std::move(taker); }
+  FramePool& pool() { return pool_; }
 
   void run(double seconds);
   // Runs until the sensor delivers a good frame, or so long; how long it took, or a negative
@@ -57,6 +65,8 @@ class KinectBench {
   void check(std::size_t unit, const FrameSlot& slot);
 
   VirtualTime::Actor actor_;
+  Picture picture_;
+  Taker taker_;
   std::vector<std::shared_ptr<KinectUnit>> units_;
   FramePool pool_;
   std::vector<std::unique_ptr<KinectSensor>> sensors_;
