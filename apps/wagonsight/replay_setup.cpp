@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "pipeline/place_on_floor.h"
 #include "common/pipeline_options.h"
+#include "pipeline/place_on_floor.h"
 #include "recording/sample_images.h"
 #include "rig/blob.h"
 #include "settings/settings.h"

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/pipeline_options.h"
 #include "devices.h"
 #include "linux/files.h"
 #include "pipeline/place_on_floor.h"
-#include "common/pipeline_options.h"
 #include "recorded_sensor.h"
 #include "recording/sample_images.h"
 #include "rig/blob.h"
