@@ -21,7 +21,7 @@ struct Board {
   int corner_count() const { return rows * columns; }
   // id = row * columns + column, 0 <= id < corner_count().
   Eigen::Vector3d point(int id) const {
-    return {square_m * (id % columns), square_m * (id / columns), 0.0};
+    return {square_m * (id % columns), square_m * (id / columns), 0.0};  // NOLINT: whole rows
   }
 };
 
