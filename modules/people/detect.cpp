@@ -15,8 +15,6 @@ constexpr double kTogetherMax = 0.28;
 constexpr double kApartMin = 0.40;
 // A part that is no person by itself belongs to the nearest one within arm's reach.
 constexpr double kPartReach = 0.60;
-// Head and feet of one who lies are up to this far apart.
-constexpr double kLyingReach = 1.0;
 constexpr double kAdultRadius = 0.3;  // metres: shoulders
 // Longer than anybody with a bag, seen as an even spread of surface.
 constexpr double kOnePersonLength = 0.62;
@@ -31,8 +29,6 @@ constexpr float kHeadDeep = 0.25F;           // metres: a head and its neck
 constexpr double kHeadStrays = 0.30;         // metres from where it is expected
 constexpr float kExpectedHeadArea = 0.012F;  // square metres: a third of a head seen from one side
 constexpr double kTooHigh = 1.0;  // metres that a point above somebody's head is farther from him
-constexpr double kLyingPartLength = 0.6;  // longer than a foot in a stride
-constexpr double kLegsReach = 0.25;       // metres
 // How much fainter than the fainter of two heads the place between them is: clearly when nobody
 // was expected, slightly when two people were.
 constexpr float kClearGap = 0.65F, kSlightGap = 0.90F;
@@ -188,7 +184,9 @@ void Detector::merge_parts(std::span<const PersonPrior> priors) {
 // track gone wrong would live on in another one's arms and legs.
 void Detector::split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors) {
   place_priors(cloud, priors);
+  join_mixed_up(priors);
   const std::size_t count = parts_.size();
+  split_lying(cloud, priors);
   for (std::size_t i = 0; i < count; ++i) {
     const Part& part = parts_[i];
     if (part.merged_into != i || part.area < 2 * options_.area_part_min_m2) continue;
@@ -305,44 +303,6 @@ bool Detector::find_child_beside(const FusedCloud& cloud, std::size_t part, Head
   return true;
 }
 
-// The feet of a helper touch the one on the floor. What is as low and lies where he is expected,
-// beyond the reach of the upright one's legs, is his.
-bool Detector::split_off_lying(const FusedCloud& cloud, std::size_t index,
-                               std::span<const PersonPrior> priors) {
-  const float top_x = parts_[index].top_x, top_y = parts_[index].top_y;
-  for (const PersonPrior& prior : priors) {
-    if (!prior.lying || parts_.size() + 2 > parts_.capacity()) continue;
-    const auto is_his = [&](std::size_t k) {
-      const FusedPoint& p = cloud.points[k];
-      return p.z < kLyingTop - 0.1F && is_in(k, index) &&
-             distance_between(p.x, p.y, prior.x, prior.y) < kLyingReach &&
-             distance_between(p.x, p.y, top_x, top_y) > kLegsReach;
-    };
-    Part body;
-    body.area = 1e-9;
-    for (std::size_t k = 0; k < cloud.points.size(); ++k)
-      if (is_his(k)) add_point(body, cloud.points[k]);
-    if (body.area < options_.area_min_m2 || body.length() < kLyingPartLength) continue;
-    const std::size_t first = parts_.size();
-    for (std::size_t side = 0; side < 2; ++side) {
-      Part fresh;
-      fresh.bottom = 1e9F;
-      fresh.area = 1e-9;
-      fresh.merged_into = static_cast<std::uint16_t>(first + side);
-      if (!parts_.try_push_back(fresh)) return false;
-    }
-    for (std::size_t k = 0; k < cloud.points.size(); ++k) {
-      if (!is_in(k, index)) continue;
-      const std::size_t side = is_his(k) ? 1 : 0;
-      part_labels_[k] = static_cast<std::uint16_t>(first + side);
-      add_point(parts_[first + side], cloud.points[k]);
-    }
-    parts_[index].area = 0;
-    return true;
-  }
-  return false;
-}
-
 bool Detector::is_in(std::size_t point, std::size_t part) const {
   return part_labels_[point] != kNoSegment && part_root(part_labels_[point]) == part;
 }
@@ -374,6 +334,33 @@ void Detector::place_priors(const FusedCloud& cloud, std::span<const PersonPrior
   }
 }
 
+// Where a part is higher than the person in it, a neighbour's arm or shoulder is in it, too: the
+// two are joined, to be told apart by their heads.
+void Detector::join_mixed_up(std::span<const PersonPrior> priors) {
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const std::uint16_t low = places_[i].part;
+    if (!priors[i].known || low == kNoDetection || priors[i].head_top < kLyingTop ||
+        parts_[low].top < priors[i].head_top + kHeadTopSlack)
+      continue;
+    std::size_t best = i;
+    double best_m = kPartReach;
+    for (std::size_t j = 0; j < places_.size(); ++j) {
+      const double away = distance_between(priors[i].x, priors[i].y, priors[j].x, priors[j].y);
+      if (places_[j].part == kNoDetection || places_[j].part == low || away >= best_m ||
+          priors[j].head_top + kHeadTopSlack < parts_[low].top)
+        continue;
+      best = j;
+      best_m = away;
+    }
+    if (best == i) continue;
+    const std::uint16_t high = places_[best].part;
+    merge(low, high);
+    parts_[high].top = std::max(parts_[high].top, parts_[low].top);
+    for (Place& place : places_)
+      if (place.part == low) place.part = high;
+  }
+}
+
 void Detector::expect_in(std::size_t part, std::span<const PersonPrior> priors) {
   expected_.clear();
   all_settled_ = true;
@@ -391,17 +378,20 @@ void Detector::expect_in(std::size_t part, std::span<const PersonPrior> priors) 
   }
 }
 
+// There must be room.
+void Detector::add_empty_part() {
+  Part fresh;
+  fresh.bottom = 1e9F;
+  fresh.area = 1e-9;
+  fresh.merged_into = static_cast<std::uint16_t>(parts_.size());
+  (void)parts_.try_push_back(fresh);
+}
+
 // Every point goes to the nearest head. Parts that were merged into this one dissolve.
 void Detector::split(const FusedCloud& cloud, std::size_t part, std::span<const HeadMode> heads) {
   const std::size_t first = parts_.size();
   if (first + heads.size() > parts_.capacity()) return;
-  for (std::size_t head = 0; head < heads.size(); ++head) {
-    Part fresh;
-    fresh.bottom = 1e9F;
-    fresh.area = 1e-9;
-    fresh.merged_into = static_cast<std::uint16_t>(first + head);
-    if (!parts_.try_push_back(fresh)) return;
-  }
+  for (std::size_t head = 0; head < heads.size(); ++head) add_empty_part();
   for (std::size_t k = 0; k < cloud.points.size(); ++k) {
     if (!is_in(k, part)) continue;
     const FusedPoint& p = cloud.points[k];

@@ -24,6 +24,8 @@ struct PersonPrior {
   float head_top = 0;    // of the last sight, metres
   bool settled = false;  // well known and hardly moving: sits or stands
   bool lying = false;
+  float yaw = 0;       // of its outline's longer side, radians from x
+  bool known = false;  // nothing of this person is much higher than head_top
 };
 
 // Something that is a person by itself, or may be the part of one that a track expects. World
@@ -99,6 +101,7 @@ class Detector {
   void merge(std::size_t low, std::size_t high);
   void split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);
+  void join_mixed_up(std::span<const PersonPrior> priors);
   void expect_in(std::size_t part, std::span<const PersonPrior> priors);
   void gather_crowns(const FusedCloud& cloud, std::size_t part);
   void find_expected_heads(const FusedCloud& cloud);
@@ -106,10 +109,13 @@ class Detector {
   bool is_centre(double x, double y) const;
   bool split_off_lying(const FusedCloud& cloud, std::size_t part,
                        std::span<const PersonPrior> priors);
+  struct LyingBody;
+  void split_lying(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   bool is_in(std::size_t point, std::size_t part) const;
   bool find_child_beside(const FusedCloud& cloud, std::size_t part, HeadMode& adult,
                          HeadMode& child) const;
   void split(const FusedCloud& cloud, std::size_t part, std::span<const HeadMode> heads);
+  void add_empty_part();
   void add_point(Part& part, const FusedPoint& p) const;
   void measure(const FusedCloud& cloud);
   void measure_positions(const FusedCloud& cloud);

@@ -8,6 +8,9 @@ namespace wagonsight {
 // Nothing of one who lies on the floor is higher.
 inline constexpr float kLyingTop = 0.65F;
 
+// Head and feet of one who lies are up to this far apart.
+inline constexpr double kLyingReach = 1.0;
+
 inline double square(double value) {
   return value * value;
 }

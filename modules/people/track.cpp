@@ -29,6 +29,7 @@ constexpr double kChildInside = 0.08;  // metres from the threshold to a child's
 constexpr float kChildTop = 1.15F;
 constexpr double kThingHold = 0.5;            // seconds until a thing is known for one
 constexpr float kThingArea = 0.25F;           // square metres of a pram's side
+constexpr double kThingCertain = 1.0;         // and until there is no doubt
 constexpr double kThingSure = 2.0;            // and that it takes at most half of to know better
 constexpr double kSettledAcceleration = 0.4;  // m/s^1.5
 constexpr double kSettles = 2.0;              // seconds at one place
@@ -66,9 +67,13 @@ std::span<const PersonPrior> Tracker::predict(double now_s) {
     const double head_top = height_is_known(track)
                                 ? std::min(track.head_top, track.person.height + kHeightSlack)
                                 : track.head_top;
-    const PersonPrior prior{static_cast<float>(place[0]), static_cast<float>(place[1]),
-                            static_cast<float>(head_top), track.settled,
-                            track.person.posture == Posture::kLying};
+    const PersonPrior prior{static_cast<float>(place[0]),
+                            static_cast<float>(place[1]),
+                            static_cast<float>(head_top),
+                            track.settled,
+                            track.person.posture == Posture::kLying,
+                            static_cast<float>(track.person.box.yaw),
+                            height_is_known(track)};
     if (!priors_.try_push_back(prior)) break;
   }
   return priors_.span();
@@ -96,6 +101,10 @@ float Tracker::pair_cost(const Track& track, const Detection& detection) const {
   const double gate =
       std::clamp(3 * spread + 2 * detection.sigma, options_.gate_min_m, options_.gate_max_m);
   if (away > gate) return kImpossible;
+  // What has long been a thing does not become a child who stands beside it.
+  if (track.thing && track.thing_s > kThingCertain && !detection.like_a_thing &&
+      detection.stands_alone)
+    return kImpossible;
   const bool same_thing = track.thing && detection.like_a_thing;
   if (!track.told && now_s_ - track.person.last_seen > options_.remember_s) return kImpossible;
   if (!detection.stands_alone && !same_thing && track.state != TrackState::kFollowed &&
@@ -156,7 +165,10 @@ void Tracker::see(Track& track, const Detection& detection, const BodyShape& sha
   track.evidence += std::min(1.0, detection.area_m2 / 0.25);
   track.free_since = -1;
   track.person.last_seen = now_s_;
-  if (!detection.cut_top && !headless) track.head_top = detection.top;
+  if (!detection.cut_top && !headless)
+    track.head_top = track.crowded && height_is_known(track)
+                         ? std::min<double>(detection.top, track.person.height + kHeightSlack)
+                         : detection.top;
   track.cut_side = detection.cut_side;
   measure_height(track, detection);
   judge_posture(track, detection);
@@ -306,8 +318,9 @@ void Tracker::measure_height(Track& track, const Detection& detection) const {
   track.last_tops = {detection.top, track.last_tops[0]};
   double& height = track.person.height;
   if (track.crowded && height_is_known(track)) return;  // nobody grows beside somebody
-  if (detection.stands_alone && !track.crowded && track.posture_seen == Posture::kStanding)
-    track.upright_s += dt_s_;
+  if (detection.stands_alone && track.posture_seen == Posture::kStanding &&
+      (!track.crowded || std::abs(lasting - height) < kHeightSlack))
+    track.upright_s += track.crowded ? 0.5 * dt_s_ : dt_s_;
   if (lasting > height)
     height = lasting;
   else if (height - lasting < kStillUpright)

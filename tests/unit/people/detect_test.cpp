@@ -105,7 +105,7 @@ TEST(Detector, KeepsOneWhoLiesApartFromAHelperWhenHeIsExpectedThere) {
   FusedCloud cloud;
   add_column(cloud, 3.0, 2.0, 0.0, 0.30, 0.75, 0.22, {});
   add_person(cloud, 3.42, 1.9, 1.75);
-  PersonPrior lying{3.0F, 2.0F, 1.75F, true, true};
+  PersonPrior lying{3.0F, 2.0F, 1.75F, true, true, 1.57F};
   Detector detector(testing::room());
   bool on_the_floor = false, upright = false;
   for (const Detection& detection : detector.detect(cloud, {&lying, 1})) {

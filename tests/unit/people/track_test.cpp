@@ -267,5 +267,56 @@ TEST(Tracker, FollowsAFallWithOneIdentityAndSaysLying) {
   EXPECT_NEAR(stage.told()[0].height, 1.75, 0.06);
 }
 
+// The pram is pushed past the child faster than anybody is followed.
+TEST(Tracker, DoesNotTakeAChildForThePramThatStoodBesideHim) {
+  Stage stage(30);
+  const auto pram = [](double x, double y) {
+    return
+        [x, y](FusedCloud& cloud) { testing::add_column(cloud, x, y, 0.05, 1.0, 0.42, 0.24, {}); };
+  };
+  for (int i = 0; i < 90; ++i)
+    stage.step({{3.0, -0.9 + i / 30.0, 1.70}}, pram(3.0, 0.05 + i / 30.0));
+  for (int i = 0; i < 90; ++i)
+    stage.step({{3.0, 2.1, 1.70}, {2.3, std::min(2.0, -0.9 + i / 20.0), 1.22}}, pram(3.0, 3.05));
+  ASSERT_EQ(stage.told().size(), 2U);
+  const auto child = stage.told()[0].position[0] < 2.6 ? stage.told()[0].id : stage.told()[1].id;
+  for (int i = 0; i < 45; ++i)  // beside the child
+    stage.step({{3.0, 2.1, 1.70}, {2.3, 2.0, 1.22}}, pram(2.3, 3.05 - std::min(0.35, i * 0.02)));
+  for (int i = 0; i < 30; ++i)
+    stage.step({{3.0, 2.1, 1.70}, {2.3, 2.0, 1.22}}, pram(2.3 - 0.1, 1.3 - 0.01 * i));
+  ASSERT_EQ(stage.told().size(), 2U);
+  for (const Person& person : stage.told())
+    if (person.position[0] < 2.6) {
+      EXPECT_EQ(person.id, child);
+      EXPECT_NEAR(person.position[1], 2.0, 0.1);
+    }
+}
+
+TEST(Tracker, KeepsTwoWhoLieSideBySideApart) {
+  Stage stage(30);
+  const auto lying = [](FusedCloud& cloud, double x, double share) {
+    testing::add_column(cloud, x, 2.0 + 0.4 * share, 0.0, 1.70 - 1.42 * share,
+                        0.22 + 0.5 * share * share, 0.17, {});
+  };
+  for (int i = 0; i < 60; ++i) stage.step({{2.5, 2.0, 1.75}, {4.0, 2.0, 1.75}});
+  for (int i = 0; i < 60; ++i)
+    stage.step({{std::max(2.92, 4.0 - i / 40.0), 2.0, 1.75}},
+               [&](FusedCloud& cloud) { lying(cloud, 2.5, std::min(1.0, i / 12.0)); });
+  ASSERT_EQ(stage.told().size(), 2U);
+  const auto before = stage.told();
+  for (int i = 0; i < 90; ++i)
+    stage.step({}, [&](FusedCloud& cloud) {
+      lying(cloud, 2.5, 1.0);
+      lying(cloud, 2.92, std::min(1.0, i / 15.0));
+    });
+  const auto after = stage.told();
+  ASSERT_EQ(after.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(after[i].id, before[i].id);
+    EXPECT_EQ(after[i].posture, Posture::kLying);
+    EXPECT_NEAR(after[i].position[0], before[i].position[0], 0.12);
+  }
+}
+
 }  // namespace
 }  // namespace wagonsight
