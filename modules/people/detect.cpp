@@ -117,9 +117,10 @@ void Detector::merge(std::size_t low, std::size_t high) {
 }
 
 // Who bends over somebody on the floor or stands beside him is another one.
-bool Detector::lies_there(const Part& low, std::span<const PersonPrior> priors) const {
+bool Detector::lies_there(const Part& low, const Part& high,
+                          std::span<const PersonPrior> priors) const {
   for (const PersonPrior& prior : priors)
-    if (prior.lying &&
+    if (prior.lying && high.top >= prior.head_top + kRisesAtOnce &&
         distance_between(prior.x, prior.y, low.mean_x(), low.mean_y()) < 0.7 * kLyingReach)
       return true;
   return false;
@@ -128,7 +129,7 @@ bool Detector::lies_there(const Part& low, std::span<const PersonPrior> priors) 
 bool Detector::same_person(const Part& high, const Part& low,
                            std::span<const PersonPrior> priors) const {
   const double between = distance_between(high.mean_x(), high.mean_y(), low.mean_x(), low.mean_y());
-  if (low.top < kLyingTop && high.top >= kLyingTop && lies_there(low, priors)) return false;
+  if (low.top < kLyingTop && high.top >= kLyingTop && lies_there(low, high, priors)) return false;
   const double tops = distance_between(high.top_x, high.top_y, low.top_x, low.top_y);
   // Who lies is long.
   if (high.top < kLyingTop && between < kLyingReach) return true;

@@ -97,7 +97,7 @@ class Detector {
   void gather_parts(const FusedCloud& cloud);
   void merge_parts(std::span<const PersonPrior> priors);
   bool same_person(const Part& high, const Part& low, std::span<const PersonPrior> priors) const;
-  bool lies_there(const Part& low, std::span<const PersonPrior> priors) const;
+  bool lies_there(const Part& low, const Part& high, std::span<const PersonPrior> priors) const;
   void merge(std::size_t low, std::size_t high);
   void split_crowds(const FusedCloud& cloud, std::span<const PersonPrior> priors);
   void place_priors(const FusedCloud& cloud, std::span<const PersonPrior> priors);

@@ -126,6 +126,7 @@ bool Detector::split_off_lying(const FusedCloud& cloud, std::size_t index,
   const float top_x = parts_[index].top_x, top_y = parts_[index].top_y;
   for (const PersonPrior& prior : priors) {
     if (!prior.lying || parts_.size() + 2 > parts_.capacity()) continue;
+    if (parts_[index].top < prior.head_top + kRisesAtOnce) continue;
     LyingBody his;
     his.expect(prior);
     const auto is_his = [&](std::size_t k) {

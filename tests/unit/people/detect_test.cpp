@@ -105,7 +105,7 @@ TEST(Detector, KeepsOneWhoLiesApartFromAHelperWhenHeIsExpectedThere) {
   FusedCloud cloud;
   add_column(cloud, 3.0, 2.0, 0.0, 0.30, 0.75, 0.22, {});
   add_person(cloud, 3.42, 1.9, 1.75);
-  PersonPrior lying{3.0F, 2.0F, 1.75F, true, true, 1.57F};
+  PersonPrior lying{3.0F, 2.0F, 0.30F, true, true, 1.57F};
   Detector detector(testing::room());
   bool on_the_floor = false, upright = false;
   for (const Detection& detection : detector.detect(cloud, {&lying, 1})) {
@@ -114,6 +114,17 @@ TEST(Detector, KeepsOneWhoLiesApartFromAHelperWhenHeIsExpectedThere) {
   }
   EXPECT_TRUE(on_the_floor);
   EXPECT_TRUE(upright);
+}
+
+TEST(Detector, DoesNotTakeTheTorsoOfOneWhoRisesForAHelper) {
+  FusedCloud cloud;
+  add_column(cloud, 3.0, 1.8, 0.0, 0.25, 0.55, 0.18, {});
+  add_column(cloud, 3.0, 2.3, 0.0, 0.78, 0.25, 0.15, {});
+  PersonPrior lying{3.0F, 2.0F, 0.74F, true, true, 1.57F};  // of a thirtieth of a second before
+  Detector detector(testing::room());
+  EXPECT_EQ(detector.detect(cloud, {&lying, 1}).size(), 1U);
+  lying.head_top = 0.30F;  // who lies flat does not rise at once: this is somebody else
+  EXPECT_EQ(detector.detect(cloud, {&lying, 1}).size(), 2U);
 }
 
 TEST(Detector, IsNotPulledForwardByTheLapOfASittingChild) {
