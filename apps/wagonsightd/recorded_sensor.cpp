@@ -16,6 +16,8 @@ Result<std::unique_ptr<RecordedSensor>> RecordedSensor::open(const std::string& 
   auto reader = RecordingReader::open(sensor->file_.bytes(), DamagePolicy::kSkip);
   if (!reader) return fail(fmt::format("{}: {}", path, reader.error().message));
   sensor->reader_ = std::move(*reader);
+  // Its calibration was read and copied; those pages would count as ours until playing passes them.
+  sensor->file_.let_go(sensor->file_.bytes().size());
   return sensor;
 }
 

@@ -217,7 +217,7 @@ Result<void> Assembly::make_pipeline() {
     unit_.rays[i] = unit_.own_rays.back();
   }
   PipelineOptions options = pipeline_options(unit_.settings.pipeline, unit_.settings.stereo);
-  options.evidence_bricks = kLiveEvidenceBricksMax;
+  options.evidence_nodes = kLiveEvidenceNodesMax;
   auto pipeline = is_room_found_
                       ? Pipeline::create_fitting(unit_.rig, unit_.rays, unit_.wagon, options)
                       : Pipeline::create(unit_.rig, unit_.rays, unit_.wagon, options);

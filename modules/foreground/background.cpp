@@ -37,12 +37,12 @@ void visit_pixels(std::span<const std::uint64_t> bits, Visit&& visit) {
 
 }  // namespace
 
-Background::Background(const SensorView& view, std::size_t evidence_bricks_max)
-    : leaves_(view.grid()),
-      evidence_(view.grid(), evidence_bricks_max),
+Background::Background(const SensorView& view, std::size_t evidence_nodes_max)
+    : leaves_(view.grid(), evidence_nodes_max / 2),
+      evidence_(view.grid(), evidence_nodes_max),
       thresholds_(view),
       empty_rounds_(std::make_unique<std::uint8_t[]>(view.pixel_count())),
-      candidates_(evidence_.capacity()),
+      candidates_(evidence_.brick_capacity()),
       candidate_(std::make_unique<std::uint64_t[]>(view.grid().block_count())) {}
 
 void Background::gather(const SensorView& view, DepthImage image) {
@@ -63,17 +63,15 @@ void Background::gather(const SensorView& view, DepthImage image) {
     ++evidence->hits;
   }
   for (const BrickAddress brick : evidence_.bricks()) {
-    const auto leaves = evidence_.brick(brick);
-    for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
-      const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
-      if (leaves[i].hits == 0 || evidence_.seen(leaf, vote_)) continue;
-      if (look(view, image, leaf) != Seen::kThrough) continue;
-      if (leaves[i].frees == UINT8_MAX) {
-        leaves[i].hits /= 2;
-        leaves[i].frees /= 2;
+    evidence_.visit_brick(brick, [&](LeafAddress leaf, LeafEvidence& evidence) {
+      if (evidence.hits == 0 || evidence_.seen(leaf, vote_)) return;
+      if (look(view, image, leaf) != Seen::kThrough) return;
+      if (evidence.frees == UINT8_MAX) {
+        evidence.hits /= 2;
+        evidence.frees /= 2;
       }
-      ++leaves[i].frees;
-    }
+      ++evidence.frees;
+    });
   }
 }
 
@@ -88,18 +86,16 @@ void Background::decide(const SensorView& view) {
   vote_ += 2;
   const int frames_min = std::min(kThereFramesMin, static_cast<int>(gathered_));
   for (const BrickAddress brick : evidence_.bricks()) {
-    const auto leaves = evidence_.brick(brick);
-    for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
-      LeafEvidence& evidence = leaves[i];
+    evidence_.visit_brick(brick, [&](LeafAddress leaf, LeafEvidence& evidence) {
       const double told = evidence.hits + evidence.frees;
       if (evidence.hits >= frames_min && evidence.hits >= kThereShare * told) {
-        leaves_.insert(brick * static_cast<std::uint32_t>(kBrickLeaves) + i);
+        leaves_.insert(leaf);
         evidence.hits = static_cast<std::uint8_t>(std::min<int>(evidence.hits, kHitsMax));
         evidence.frees = 0;
       } else {
         evidence = {};
       }
-    }
+    });
   }
   for (std::size_t i = evidence_.bricks().size(); i > 0; --i) {
     release_if_idle(evidence_.bricks()[i - 1]);
@@ -156,15 +152,12 @@ void Background::fade_candidates(float round_share) {
   for (; fade_share_ >= 1 && !candidates_.empty(); fade_share_ -= 1) {
     if (next_candidate_ >= candidates_.size()) next_candidate_ = 0;
     const BrickAddress brick = candidates_[next_candidate_];
-    const auto leaves = evidence_.brick(brick);
     bool any = false;
-    for (std::uint32_t i = 0; i < kBrickLeaves; ++i) {
-      const LeafAddress leaf = brick * static_cast<std::uint32_t>(kBrickLeaves) + i;
-      if (leaves[i].hits == 0 || leaves_.contains(leaf)) continue;
+    evidence_.visit_brick(brick, [&](LeafAddress leaf, LeafEvidence& evidence) {
+      if (evidence.hits == 0 || leaves_.contains(leaf)) return;
       any = true;
-      if (evidence_.seen_lately(leaf, vote_)) continue;
-      --leaves[i].hits;
-    }
+      if (!evidence_.seen_lately(leaf, vote_)) --evidence.hits;
+    });
     if (any) {
       ++next_candidate_;
       continue;

@@ -20,8 +20,8 @@ namespace wagonsight {
 // frame rate. Allocates in the constructor only, except where said. Not thread-safe.
 class Background {
  public:
-  // `evidence_bricks_max`: how many bricks can have evidence at a time.
-  explicit Background(const SensorView& view, std::size_t evidence_bricks_max = kEvidenceBricksMax);
+  // `evidence_nodes_max`: how many nodes of 64 leaves can have evidence at a time.
+  explicit Background(const SensorView& view, std::size_t evidence_nodes_max = kEvidenceNodesMax);
 
   // Takes one frame as evidence for and against every leaf. Costs some milliseconds.
   void gather(const SensorView& view, DepthImage image);

@@ -60,7 +60,7 @@ ForegroundExtractor::ForegroundExtractor(const RigSensor& sensor, RayTable rays,
                                          std::shared_ptr<BlobWorkspace> workspace)
     : options_(options),
       view_(sensor, rays, wagon, grid, options.noise_sigmas),
-      background_(view_, options.evidence_bricks),
+      background_(view_, options.evidence_nodes),
       memory_(view_),
       blobs_(view_, options.blob_area_min_m2, kSmallBlob_m2, options.voxel_m, std::move(workspace)),
       foreground_((rays.size() + 63) / 64),

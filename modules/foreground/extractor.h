@@ -29,7 +29,7 @@ struct ForegroundOptions {
   double learning_s = 2.0;         // until a ray on which nothing comes back counts as empty
   // Nothing is learned: all that stands in the wagon is foreground, but for the floor.
   bool without_background = false;
-  std::size_t evidence_bricks = kEvidenceBricksMax;  // fewer where memory is scarce
+  std::size_t evidence_nodes = kEvidenceNodesMax;  // fewer where memory is scarce
 };
 
 // Lines 4 to 12 of the paper's Algorithm 1 for one sensor: from its depth image to what moved in

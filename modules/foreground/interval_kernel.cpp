@@ -11,14 +11,12 @@ void compare_intervals_scalar(const std::uint16_t* raw, const IntervalArrays& ar
       const bool background = (raw[i] >= arrays.first_near[i] && raw[i] <= arrays.first_far[i]) ||
                               (raw[i] >= arrays.second_near[i] && raw[i] <= arrays.second_far[i]);
       const std::uint16_t near = arrays.near != nullptr ? arrays.near[i] : arrays.near_all;
-      const bool inside = raw[i] >= near && raw[i] <= arrays.far[i];
+      const bool inside = raw[i] >= near && raw[i] <= arrays.far_most[word];
       if (background || !inside) continue;
       const std::uint64_t bit = std::uint64_t{1} << place;
-      if (raw[i] <= arrays.second_far[i]) {
-        is_before |= bit;
-      } else {
-        is_beyond |= bit;
-      }
+      const bool doubtful = raw[i] > arrays.far_least[word];
+      if (doubtful || raw[i] <= arrays.second_far[i]) is_before |= bit;
+      if (doubtful || raw[i] > arrays.second_far[i]) is_beyond |= bit;
     }
     before[word] = is_before;
     beyond[word] = is_beyond;

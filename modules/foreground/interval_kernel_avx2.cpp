@@ -46,18 +46,22 @@ void compare_intervals_avx2(const std::uint16_t* raw, const IntervalArrays& arra
       before[word] = beyond[word] = 0;
       continue;
     }
+    const __m256i far_most = _mm256_set1_epi16(static_cast<short>(arrays.far_most[word]));
+    const __m256i far_least = _mm256_set1_epi16(static_cast<short>(arrays.far_least[word]));
     __m256i is_before[4], is_beyond[4];
     for (std::size_t i = 0; i < 4; ++i) {
       const std::size_t at = first + i * 16;
       const __m256i second_far = load(arrays.second_far + at);
       const __m256i second = within(values[i], load(arrays.second_near + at), second_far);
       const __m256i near = arrays.near != nullptr ? load(arrays.near + at) : near_all;
-      const __m256i inside = within(values[i], near, load(arrays.far + at));
+      const __m256i inside = within(values[i], near, far_most);
       const __m256i told = _mm256_andnot_si256(second, _mm256_and_si256(inside, open[i]));
       const __m256i not_beyond =
           _mm256_cmpeq_epi16(_mm256_min_epu16(values[i], second_far), values[i]);
-      is_before[i] = _mm256_and_si256(told, not_beyond);
-      is_beyond[i] = _mm256_andnot_si256(not_beyond, told);
+      const __m256i sure = _mm256_cmpeq_epi16(_mm256_min_epu16(values[i], far_least), values[i]);
+      const __m256i doubtful = _mm256_andnot_si256(sure, told);
+      is_before[i] = _mm256_or_si256(_mm256_and_si256(told, not_beyond), doubtful);
+      is_beyond[i] = _mm256_or_si256(_mm256_andnot_si256(not_beyond, told), doubtful);
     }
     before[word] = bits_of(is_before[0], is_before[1]) | bits_of(is_before[2], is_before[3]) << 32;
     beyond[word] = bits_of(is_beyond[0], is_beyond[1]) | bits_of(is_beyond[2], is_beyond[3]) << 32;

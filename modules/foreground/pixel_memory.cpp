@@ -24,6 +24,10 @@ constexpr int kUnrestPerFlicker = 40;
 constexpr int kUnrestMax = 60;
 constexpr int kUnrestOfEdges = 72;
 constexpr int kEdgeReach = 2;  // pixels
+// One word of 64 pixels in so many can have motions at a time (557 of 4,800 in scene rush), and a
+// few more where images are small.
+constexpr std::size_t kWordsPerMotions = 4;
+constexpr std::size_t kMotionsMin = 64;
 
 template <class Visit>
 void visit_bits(std::uint64_t bits, Visit&& visit) {
@@ -33,14 +37,21 @@ void visit_bits(std::uint64_t bits, Visit&& visit) {
 }  // namespace
 
 PixelMemory::PixelMemory(const SensorView& view)
-    : moved_to_(view.pixel_count()),
-      motion_(view.pixel_count()),
-      unknown_before_((view.pixel_count() + 63) / 64),
+    : motions_at_((view.pixel_count() + 63) / 64),
+      unknown_before_(motions_at_.capacity()),
       foreground_before_(unknown_before_.capacity()),
       restless_(unknown_before_.capacity()),
       unrest_(view.pixel_count()) {
-  moved_to_.resize(moved_to_.capacity());
-  motion_.resize(motion_.capacity());
+  const std::size_t motions = std::min(
+      unknown_before_.capacity() / kWordsPerMotions + kMotionsMin, unknown_before_.capacity());
+  motions_ = BoundedVector<Motions>(std::min<std::size_t>(motions, kNone));
+  motions_.resize(motions_.capacity());
+  free_motions_ = BoundedVector<std::uint16_t>(motions_.capacity());
+  for (std::size_t i = motions_.capacity(); i > 0; --i) {
+    (void)free_motions_.try_push_back(static_cast<std::uint16_t>(i - 1));
+  }
+  motions_at_.resize(motions_at_.capacity());
+  std::fill(motions_at_.begin(), motions_at_.end(), kNone);
   unrest_.resize(unrest_.capacity());
   for (auto* bits : {&unknown_before_, &foreground_before_, &restless_}) {
     bits->resize(bits->capacity());
@@ -78,10 +89,18 @@ void PixelMemory::promote_moving(const SensorView& view, DepthImage image, float
   const float jump_m = std::max(kJump_m, frame_s * kSpeedMax_m_s);
   for (std::size_t word = 0; word < unknown.size(); ++word) {
     const std::uint64_t now = unknown[word], before = unknown_before_[word];
+    if ((now | before) == 0) continue;
+    const std::uint16_t at = now == 0 ? kNone : motions_of(word);
+    if (at == kNone) {
+      release_motions(word);
+      unknown_before_[word] = 0;
+      continue;
+    }
+    Motions& motions = motions_[at];
     visit_bits(now, [&](std::size_t place) {
       const std::size_t pixel = word * 64 + place;
-      std::uint16_t& moved_to = moved_to_[pixel];
-      Motion& motion = motion_[pixel];
+      std::uint16_t& moved_to = motions.moved_to[place];
+      Motion& motion = motions.motion[place];
       const std::uint16_t raw = image.pixels[pixel];
       const float moved = std::abs(view.depth().z(raw) - view.depth().z(moved_to));
       if (((before >> place) & 1) == 0 || moved > jump_m) {
@@ -103,6 +122,23 @@ void PixelMemory::promote_moving(const SensorView& view, DepthImage image, float
     });
     unknown_before_[word] = now;
   }
+}
+
+std::uint16_t PixelMemory::motions_of(std::size_t word) {
+  if (motions_at_[word] != kNone) return motions_at_[word];
+  if (free_motions_.empty()) {
+    ++motions_refused_;
+    return kNone;
+  }
+  motions_at_[word] = free_motions_[free_motions_.size() - 1];
+  free_motions_.resize(free_motions_.size() - 1);
+  return motions_at_[word];
+}
+
+void PixelMemory::release_motions(std::size_t word) {
+  if (motions_at_[word] == kNone) return;
+  (void)free_motions_.try_push_back(motions_at_[word]);
+  motions_at_[word] = kNone;
 }
 
 void PixelMemory::set_aside(std::span<std::uint64_t> foreground,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -29,14 +30,29 @@ class PixelMemory {
   void observe(std::span<const std::uint64_t> small, std::span<const std::uint64_t> all,
                float round_share);
 
+  // Words whose unknown pixels could not be remembered, so far.
+  std::uint64_t motions_refused() const { return motions_refused_; }
+
  private:
   struct Motion {            // of a pixel that sees beyond all background
     std::uint8_t moves : 2;  // 3: three or more
     std::uint8_t still : 6;  // since the last, in 20 ms, 63: as long or longer
   };
 
-  BoundedVector<std::uint16_t> moved_to_;  // raw
-  BoundedVector<Motion> motion_;
+  // Few words of 64 pixels have any that saw beyond all background in the frame before; only those
+  // are remembered, in a quarter of all words at most; beyond that such pixels are not promoted.
+  struct Motions {
+    std::array<std::uint16_t, 64> moved_to;  // raw
+    std::array<Motion, 64> motion;
+  };
+  static constexpr std::uint16_t kNone = UINT16_MAX;
+  std::uint16_t motions_of(std::size_t word);
+  void release_motions(std::size_t word);
+
+  BoundedVector<Motions> motions_;
+  BoundedVector<std::uint16_t> free_motions_;
+  BoundedVector<std::uint16_t> motions_at_;  // by word, kNone: there are none
+  std::uint64_t motions_refused_ = 0;
   BoundedVector<std::uint64_t> unknown_before_, foreground_before_;
   BoundedVector<std::uint64_t> restless_;  // a bit a pixel: unrest_ is above the limit
   BoundedVector<std::uint8_t> unrest_;

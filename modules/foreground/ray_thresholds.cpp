@@ -21,7 +21,7 @@ RayThresholds::RayThresholds(const SensorView& view)
       kernel_(best_interval_kernel()),
       near_all_(std::max<std::uint16_t>(view.depth().raw_near(), 1)) {
   const std::size_t pixels = view.pixel_count();
-  for (auto* array : {&far_, &first_near_, &first_far_, &second_near_, &second_far_}) {
+  for (auto* array : {&first_near_, &first_far_, &second_near_, &second_far_}) {
     *array = BoundedVector<std::uint16_t>(pixels);
     array->resize(pixels);
   }
@@ -29,10 +29,17 @@ RayThresholds::RayThresholds(const SensorView& view)
     *bits = BoundedVector<std::uint64_t>((pixels + 63) / 64);
     bits->resize(bits->capacity());
   }
+  for (auto* ends : {&far_most_, &far_least_}) {
+    *ends = BoundedVector<std::uint16_t>(open_.size());
+    ends->resize(ends->capacity());
+  }
+  std::fill(far_least_.begin(), far_least_.end(), UINT16_MAX);
   for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
     const RawInterval inside = view.inside(pixel);
     const bool any = inside.first <= inside.last;
-    far_[pixel] = any ? inside.last : std::uint16_t{0};
+    const std::uint16_t far = any ? inside.last : std::uint16_t{0};
+    far_most_[pixel / 64] = std::max(far_most_[pixel / 64], far);
+    far_least_[pixel / 64] = std::min(far_least_[pixel / 64], far);
     if (!any || inside.first == near_all_ || !near_.empty()) continue;
     // Only a sensor that looks into the wagon from outside needs a value a pixel.
     near_ = BoundedVector<std::uint16_t>(pixels);
@@ -206,7 +213,7 @@ void RayThresholds::walk_again(const SensorView& view, const BitOctree& backgrou
 
 Reading RayThresholds::classify_by_octree(const SensorView& view, const BitOctree& background,
                                           std::size_t pixel, std::uint16_t raw) const {
-  if (raw == 0 || raw < near_of(pixel) || raw > far_[pixel]) return Reading::kOutside;
+  if (is_outside(view, pixel, raw)) return Reading::kOutside;
   bool hit = false;
   std::uint16_t last = 0;
   walk_ray(view, background, pixel, 0.0F, view.depth().z_max(), [&](float z_enter, float z_leave) {
@@ -222,7 +229,7 @@ Reading RayThresholds::classify_by_octree(const SensorView& view, const BitOctre
 
 Reading RayThresholds::classify(const SensorView& view, const BitOctree& background,
                                 std::size_t pixel, std::uint16_t raw) const {
-  if (raw == 0 || raw < near_of(pixel) || raw > far_[pixel]) return Reading::kOutside;
+  if (is_outside(view, pixel, raw)) return Reading::kOutside;
   if (raw >= first_near_[pixel] && raw <= first_far_[pixel]) return Reading::kBackground;
   if (raw >= second_near_[pixel] && raw <= second_far_[pixel]) return Reading::kBackground;
   if (is_crowded(pixel) && raw > second_far_[pixel]) {
@@ -253,18 +260,20 @@ void RayThresholds::classify(const SensorView& view, const BitOctree& background
                              std::span<std::uint64_t> foreground,
                              std::span<std::uint64_t> unknown) const {
   const std::size_t whole = image.pixel_count() / 64;
-  const IntervalArrays arrays{near_.data(),       near_all_,         far_.data(),
+  const IntervalArrays arrays{near_.data(),       near_all_,         far_most_.data(),   far_least_.data(),
                               first_near_.data(), first_far_.data(), second_near_.data(),
                               second_far_.data()};
   kernel_(image.pixels, arrays, whole, foreground.data(), unknown.data());
   for (std::size_t word = 0; word < whole; ++word) {
     const std::uint64_t told = foreground[word] | unknown[word];
     if (told == 0) continue;
+    const std::uint64_t doubtful = foreground[word] & unknown[word];
+    const std::uint64_t one_by_one = (told & crowded_[word]) | doubtful;
     const std::uint64_t open = unknown[word] & open_[word];
     foreground[word] |= open;
     unknown[word] ^= open;
-    if ((told & crowded_[word]) != 0) {
-      classify_pixels(view, background, image, told & crowded_[word], word, foreground, unknown);
+    if (one_by_one != 0) {
+      classify_pixels(view, background, image, one_by_one, word, foreground, unknown);
     }
   }
   if (image.pixel_count() % 64 == 0) return;

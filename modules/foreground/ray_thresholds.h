@@ -75,6 +75,14 @@ class RayThresholds {
   std::uint16_t near_of(std::size_t pixel) const {
     return near_.empty() ? near_all_ : near_[pixel];
   }
+  static std::uint16_t far_of(const SensorView& view, std::size_t pixel) {
+    const RawInterval inside = view.inside(pixel);
+    return inside.first <= inside.last ? inside.last : std::uint16_t{0};
+  }
+  bool is_outside(const SensorView& view, std::size_t pixel, std::uint16_t raw) const {
+    if (raw == 0 || raw < near_of(pixel) || raw > far_most_[pixel / 64]) return true;
+    return raw > far_least_[pixel / 64] && raw > far_of(view, pixel);
+  }
   RawInterval second(std::size_t pixel) const { return {second_near_[pixel], second_far_[pixel]}; }
   Reading classify_crowded(const SensorView& view, const BitOctree& background, std::size_t pixel,
                            std::uint16_t raw) const;
@@ -86,7 +94,9 @@ class RayThresholds {
   IntervalKernel kernel_;
   std::uint16_t near_all_;
   BoundedVector<std::uint16_t> near_;  // inside the wagon from here; empty: from near_all_
-  BoundedVector<std::uint16_t> far_;   // to here, 0: nowhere
+  // To here by word of 64 pixels: the farthest and the nearest of their ends, 0: nowhere. Only of
+  // readings in between the pixel's own end is worked out.
+  BoundedVector<std::uint16_t> far_most_, far_least_;
   BoundedVector<std::uint16_t> first_near_, first_far_;
   // Where there is no second interval it begins behind every reading and ends where the first does.
   BoundedVector<std::uint16_t> second_near_, second_far_;

@@ -143,29 +143,32 @@ void Fusion::add_view(std::size_t sensor_index, const ForegroundView& view,
     cloud_.contributions.resize(cloud_.contributions.size() + 1);
     cloud_.contributions[cloud_.contributions.size() - 1] = {
         index,
+        depth,
         from.pixels,
         to_pixel(u, sensor.width),
         to_pixel(v, sensor.height),
-        depth,
         static_cast<std::uint8_t>(sensor_index),
         borders};
   }
 }
 
 std::uint32_t Fusion::point_at(float x, float y, float z, bool& is_new) {
+  static_assert(kFusedPointsMax <= std::size_t{UINT16_MAX} + 1);
   const auto vx = static_cast<std::int32_t>(std::floor(x * voxels_per_metre_));
   const auto vy = static_cast<std::int32_t>(std::floor(y * voxels_per_metre_));
   const auto vz = static_cast<std::int32_t>(std::floor(z * voxels_per_metre_));
+  const auto low_x = static_cast<std::int16_t>(vx), low_y = static_cast<std::int16_t>(vy),
+             low_z = static_cast<std::int16_t>(vz);
   for (std::uint32_t slot = hash_of(vx, vy, vz);; slot = (slot + 1) & (kTableSize - 1)) {
     Cell& cell = table_[slot];
     if (cell.stamp != generation_) {
       if (cloud_.points.full()) return kNoPoint;
       is_new = true;
-      cell = {vx, vy, vz, static_cast<std::uint32_t>(cloud_.points.size()), generation_};
+      cell = {low_x, low_y, low_z, static_cast<std::uint16_t>(cloud_.points.size()), generation_};
       cloud_.points.resize(cloud_.points.size() + 1);
       return cell.point;
     }
-    if (cell.x == vx && cell.y == vy && cell.z == vz) return cell.point;
+    if (cell.x == low_x && cell.y == low_y && cell.z == low_z) return cell.point;
   }
 }
 

@@ -34,9 +34,9 @@ enum Border : std::uint8_t { kNoBorder = 0, kLeft = 1, kRight = 2, kTop = 4, kBo
 // What one sensor's foreground point became.
 struct Contribution {
   std::uint32_t point = 0;  // index into FusedCloud::points
+  float depth = 0;          // along the sensor's optical axis, metres
   std::uint16_t pixels = 0;
   std::uint16_t u = 0, v = 0;  // where the sensor sees it, pixels
-  float depth = 0;             // along the sensor's optical axis, metres
   std::uint8_t sensor = 0;
   std::uint8_t borders = kNoBorder;  // bits of Border
 };
@@ -81,8 +81,9 @@ class Fusion {
     float margin = 0;  // pixels from the border that count as cut by it
   };
   struct Cell {
-    std::int32_t x = 0, y = 0, z = 0;
-    std::uint32_t point = 0;
+    // Of the voxel, in voxels, their low 16 bits: no wagon has 65,536 voxels along a side.
+    std::int16_t x = 0, y = 0, z = 0;
+    std::uint16_t point = 0;
     std::uint32_t stamp = 0;  // generation in which this entry was written
   };
 

@@ -19,7 +19,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
   const ForegroundOptions foreground{options.leaf_m,         options.voxel_m,
                                      options.noise_sigmas,   options.blob_area_min_m2,
                                      options.learning_s,     options.without_background,
-                                     options.evidence_bricks};
+                                     options.evidence_nodes};
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const RigSensor& sensor = rig.sensors[i];
     if (rays[i].empty()) {

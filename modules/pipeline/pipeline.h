@@ -31,7 +31,7 @@ struct PipelineOptions {
   // floor is looked at, people are told from furniture by their shape and told at once.
   bool without_background = false;
   StereoToDepthOptions stereo;                       // of every stereo camera
-  std::size_t evidence_bricks = kEvidenceBricksMax;  // a sensor's, for its background
+  std::size_t evidence_nodes = kEvidenceNodesMax;  // a sensor's, for its background
 };
 
 enum class Stage : std::uint8_t { kToDepth, kExtract, kFuse, kPeople, kSituation };

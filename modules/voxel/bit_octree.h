@@ -13,36 +13,38 @@ namespace wagonsight {
 
 // One bit a leaf. A brick is 8 x 8 x 8 leaves in 64 bytes, Morton order, so a node's eight children
 // are one byte and a 4 x 4 x 4 node is one word; a block word above has a bit for each of its
-// 4 x 4 x 4 bricks and tells a walk where to skip. Allocates in the constructor only: 64 bytes a
-// brick. Not thread-safe.
+// 4 x 4 x 4 bricks and tells a walk where to skip. Bricks that hold no leaf share one that is
+// empty, so that air costs two bytes a brick. Allocates in the constructor only. Not thread-safe.
 class BitOctree {
  public:
-  explicit BitOctree(const LeafGrid& grid);
+  // At most `bricks_max` bricks have leaves at a time (and never more than 65,535).
+  explicit BitOctree(const LeafGrid& grid, std::size_t bricks_max = kOctreeBricksMax);
 
   const LeafGrid& grid() const { return grid_; }
   std::size_t leaf_count() const { return leaf_count_; }
 
-  // True when the leaf was not there before.
+  // True when the leaf was not there before and is now; false also when all bricks are used up
+  // (counted by refused()).
   bool insert(LeafAddress address) {
-    std::uint64_t& word = words_[address >> 6];
+    std::uint64_t& known = words_[place_of(address)];
     const std::uint64_t bit = std::uint64_t{1} << (address & 63);
-    if ((word & bit) != 0) return false;
-    word |= bit;
+    if ((known & bit) != 0) return false;
+    if (slots_[address >> 9] == kEmptyBrick && !open_brick(address >> 9)) return false;
+    words_[place_of(address)] |= bit;
     ++leaf_count_;
-    mark(address >> 9);
     return true;
   }
   // True when the leaf was there.
   bool erase(LeafAddress address);
   bool contains(LeafAddress address) const {
-    return ((words_[address >> 6] >> (address & 63)) & 1) != 0;
+    return ((words_[place_of(address)] >> (address & 63)) & 1) != 0;
   }
   // Clears touched bricks only.
   void clear();
 
   // The eight words of a brick.
   std::span<const std::uint64_t, 8> brick(BrickAddress brick) const {
-    return std::span<const std::uint64_t, 8>(&words_[std::size_t{brick} * 8], 8);
+    return std::span<const std::uint64_t, 8>(&words_[std::size_t{slots_[brick]} * 8], 8);
   }
   bool brick_occupied(BrickAddress brick) const {
     return ((blocks_[brick >> 6] >> (brick & 63)) & 1) != 0;
@@ -53,7 +55,7 @@ class BitOctree {
   int empty_node(LeafAddress address) const {
     if (blocks_[address >> 15] == 0) return 32;
     if (!brick_occupied(address >> 9)) return 8;
-    const std::uint64_t word = words_[address >> 6];
+    const std::uint64_t word = words_[place_of(address)];
     if (word == 0) return 4;
     return ((word >> (address & 56)) & 0xFF) == 0 ? 2 : 1;
   }
@@ -71,8 +73,9 @@ class BitOctree {
   }
   template <class Visit>
   void visit_brick(BrickAddress address, Visit&& visit) const {
+    // Looked up for every word: visit() may have erased the last leaf and with it the brick.
     for (std::uint32_t i = 0; i < 8; ++i) {
-      visit_bits(words_[std::size_t{address} * 8 + i], address * 512 + i * 64, visit);
+      visit_bits(words_[std::size_t{slots_[address]} * 8 + i], address * 512 + i * 64, visit);
     }
   }
   template <class Visit>
@@ -82,11 +85,26 @@ class BitOctree {
     }
   }
 
+  // Bricks that can have leaves at a time, how many had, and inserts that found no room.
+  std::size_t capacity() const { return free_slots_.capacity(); }
+  std::size_t high_water() const { return high_water_; }
+  std::uint64_t refused() const { return refused_; }
+
  private:
-  void mark(BrickAddress brick);
+  static constexpr std::uint16_t kEmptyBrick = 0;  // the slot whose words are always zero
+
+  std::size_t place_of(LeafAddress address) const {
+    return std::size_t{slots_[address >> 9]} * 8 + ((address >> 6) & 7);
+  }
+  bool open_brick(BrickAddress brick);
+  void close_brick(BrickAddress brick);
 
   LeafGrid grid_;
-  FreshArray<std::uint64_t> words_;
+  std::unique_ptr<std::uint16_t[]> slots_;  // by brick
+  BoundedVector<std::uint16_t> free_slots_;
+  FreshArray<std::uint64_t> words_;  // eight a slot
+  std::size_t high_water_ = 0;
+  std::uint64_t refused_ = 0;
   std::unique_ptr<std::uint64_t[]> blocks_;  // a bit a brick: it has leaves
   std::unique_ptr<std::uint64_t[]> listed_;  // a bit a brick: it is in touched_
   BoundedVector<BrickAddress> touched_;

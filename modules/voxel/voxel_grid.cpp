@@ -32,7 +32,7 @@ VoxelGrid::VoxelGrid(std::size_t capacity, double voxel_m)
       per_voxel_(static_cast<float>(1.0 / voxel_m)),
       block_capacity_(std::min(capacity, std::max<std::size_t>(capacity / 4, 64))),
       // Half full at most, so that a probe is short and ends.
-      slot_mask_(std::bit_ceil(block_capacity_ * 2 + 1) - 1),
+      slot_mask_(std::bit_ceil(block_capacity_ * 2) - 1),
       slots_(make_fresh_array<Slot>(slot_mask_ + 1)),
       blocks_(make_fresh_array<std::uint16_t>(block_capacity_ * kBlockVoxels)),
       voxels_(capacity) {

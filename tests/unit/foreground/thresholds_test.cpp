@@ -160,15 +160,20 @@ TEST(IntervalKernel, Avx2EqualsTheScalarTwin) {
                                      rc::gen::inRange<std::uint16_t>(32765, 32771),
                                      rc::gen::inRange<std::uint16_t>(65533, 65535)));
     };
-    const auto raw = any_array(), near = any_array(), far = any_array(), first_near = any_array(),
+    const auto raw = any_array(), near = any_array(), first_near = any_array(),
                first_far = any_array(), second_near = any_array(), second_far = any_array();
+    auto far_most = any_array(), far_least = any_array();
+    for (std::size_t i = 0; i < far_most.size(); ++i) {
+      if (far_least[i] > far_most[i]) std::swap(far_least[i], far_most[i]);
+    }
     // The contract of RayThresholds: a pixel without a reading is never inside.
     auto near_above_zero = near;
     for (auto& value : near_above_zero) value = std::max<std::uint16_t>(value, 1);
     const IntervalArrays arrays{
         *rc::gen::element(near_above_zero.data(), static_cast<std::uint16_t*>(nullptr)),
         *rc::gen::inRange<std::uint16_t>(1, 5),
-        far.data(),
+        far_most.data(),
+        far_least.data(),
         first_near.data(),
         first_far.data(),
         second_near.data(),

@@ -15,6 +15,7 @@ TEST(EvidencePool, IsAMapOfLeaves) {
     EvidencePool pool(*grid);
     std::map<LeafAddress, std::uint8_t> twin;
     std::set<BrickAddress> bricks;
+    std::set<std::uint32_t> nodes;  // of 64 leaves
     const int steps = *rc::gen::inRange(0, 300);
     for (int i = 0; i < steps; ++i) {
       const auto leaf = *rc::gen::inRange<LeafAddress>(0, 40 * 512);
@@ -22,6 +23,7 @@ TEST(EvidencePool, IsAMapOfLeaves) {
         const BrickAddress brick = leaf / 512;
         pool.forget(brick);
         bricks.erase(brick);
+        nodes.erase(nodes.lower_bound(brick * 8), nodes.lower_bound((brick + 1) * 8));
         twin.erase(twin.lower_bound(brick * 512), twin.lower_bound((brick + 1) * 512));
       } else {
         LeafEvidence* evidence = pool.find_or_add(leaf);
@@ -29,10 +31,11 @@ TEST(EvidencePool, IsAMapOfLeaves) {
         RC_ASSERT(evidence->hits == twin[leaf]);
         evidence->hits = ++twin[leaf];
         bricks.insert(leaf / 512);
+        nodes.insert(leaf / 64);
       }
       const auto asked = *rc::gen::inRange<LeafAddress>(0, 40 * 512);
       const LeafEvidence* found = pool.find(asked);
-      RC_ASSERT((found != nullptr) == bricks.contains(asked / 512));
+      RC_ASSERT((found != nullptr) == nodes.contains(asked / 64));
       if (found != nullptr) {
         const auto known = twin.find(asked);
         RC_ASSERT(found->hits == (known == twin.end() ? 0 : known->second));
@@ -41,6 +44,15 @@ TEST(EvidencePool, IsAMapOfLeaves) {
     const auto listed = pool.bricks();
     RC_ASSERT(std::set<BrickAddress>(listed.begin(), listed.end()) == bricks);
     RC_ASSERT(listed.size() == bricks.size());
+    std::set<std::uint32_t> visited;
+    for (const BrickAddress brick : listed) {
+      pool.visit_brick(brick, [&](LeafAddress leaf, LeafEvidence& evidence) {
+        visited.insert(leaf / 64);
+        const auto known = twin.find(leaf);
+        RC_ASSERT(evidence.hits == (known == twin.end() ? 0 : known->second));
+      });
+    }
+    RC_ASSERT(visited == nodes);
   }));
 }
 
@@ -72,17 +84,28 @@ TEST(EvidencePool, RemembersWhatWasSeenInThisRoundAndTheOneBefore) {
 }
 
 TEST(EvidencePool, RefusesAndCountsWhenUsedUp) {
-  const auto grid = LeafGrid::cover({0, 0, 0}, {6.3, 6.3, 6.3}, 0.02);  // 40 x 40 x 40 bricks
+  const auto grid = LeafGrid::cover({0, 0, 0}, {3, 3, 3}, 0.05);
   ASSERT_TRUE(grid.has_value());
-  EvidencePool pool(*grid);
-  ASSERT_EQ(pool.capacity(), kEvidenceBricksMax);
-  for (BrickAddress brick = 0; brick < kEvidenceBricksMax; ++brick) {
+  constexpr std::size_t kNodes = 100;
+  EvidencePool pool(*grid, kNodes);
+  ASSERT_EQ(pool.capacity(), kNodes);
+  ASSERT_EQ(pool.brick_capacity(), kNodes / 2);
+  for (LeafAddress node = 0; node < kNodes; ++node) {
+    ASSERT_NE(pool.find_or_add(node * 64 + 5), nullptr);
+  }
+  EXPECT_EQ(pool.find_or_add(kNodes * 64), nullptr);
+  EXPECT_EQ(pool.refused(), 1U);
+  EXPECT_EQ(pool.high_water(), kNodes);
+  pool.forget(7);
+  EXPECT_NE(pool.find_or_add(kNodes * 64), nullptr);
+  // Bricks are used up, too, by one node each.
+  pool.clear();
+  for (BrickAddress brick = 0; brick < kNodes / 2; ++brick) {
     ASSERT_NE(pool.find_or_add(brick * 512), nullptr);
   }
-  EXPECT_EQ(pool.find_or_add(kEvidenceBricksMax * 512), nullptr);
-  EXPECT_EQ(pool.refused(), 1U);
-  pool.forget(77);
-  EXPECT_NE(pool.find_or_add(kEvidenceBricksMax * 512), nullptr);
+  EXPECT_EQ(pool.find_or_add(kNodes / 2 * 512), nullptr);
+  EXPECT_EQ(pool.refused(), 2U);
+  EXPECT_NE(pool.find_or_add(64), nullptr);  // another node of a known brick
 }
 
 }  // namespace

@@ -68,6 +68,38 @@ TEST(BitOctree, IsASetOfLeaves) {
   }));
 }
 
+TEST(BitOctree, RefusesAndCountsWhenItsBricksAreUsedUp) {
+  EXPECT_TRUE(rc::check("never more bricks than it was made for, and none is lost", [] {
+    const LeafGrid grid = make_grid();
+    constexpr std::size_t kBricks = 5;
+    BitOctree octree(grid, kBricks);
+    std::set<LeafAddress> twin;
+    const auto bricks_of = [&] {
+      std::set<BrickAddress> bricks;
+      for (const LeafAddress leaf : twin) bricks.insert(leaf / 512);
+      return bricks;
+    };
+    std::uint64_t refused = 0;
+    const int steps = *rc::gen::inRange(0, 200);
+    for (int i = 0; i < steps; ++i) {
+      const LeafAddress leaf = *rc::gen::inRange<LeafAddress>(0, 8) * 512 +
+                               *rc::gen::inRange<LeafAddress>(0, 3) * 100;
+      if (*rc::gen::inRange(0, 3) == 0) {
+        RC_ASSERT(octree.erase(leaf) == (twin.erase(leaf) == 1));
+      } else if (!bricks_of().contains(leaf / 512) && bricks_of().size() == kBricks) {
+        RC_ASSERT(!octree.insert(leaf));
+        ++refused;
+      } else {
+        RC_ASSERT(octree.insert(leaf) == twin.insert(leaf).second);
+      }
+      RC_ASSERT(octree.contains(leaf) == twin.contains(leaf));
+    }
+    RC_ASSERT(all_of(octree) == twin);
+    RC_ASSERT(octree.refused() == refused);
+    RC_ASSERT(octree.high_water() <= kBricks);
+  }));
+}
+
 TEST(BitOctree, XorIsTheSymmetricDifference) {
   EXPECT_TRUE(rc::check("visit_changed equals the symmetric difference of two sets", [] {
     const LeafGrid grid = make_grid();
