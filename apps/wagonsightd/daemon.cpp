@@ -33,8 +33,8 @@ constexpr Duration kSourceDelay = std::chrono::milliseconds(1500);
 // and a half and 60 ms: four of each, and those two, but none of its own.
 constexpr std::size_t kSlotsPerSensor = 4, kSlotsMore = 2;
 
-// The tracking turns every few milliseconds; its first instant, which learns the background, takes
-// a second on a slow computer. A driver may wait long for a device that is being plugged in.
+// The tracking turns every few milliseconds, on a slow computer several times a second. A driver
+// may wait long for a device that is being plugged in.
 constexpr double kTrackingSilenceMaxS = 8.0;
 constexpr double kDriverSilenceMaxS = 30.0;
 

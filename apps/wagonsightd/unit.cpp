@@ -17,6 +17,9 @@
 namespace wagonsight {
 namespace {
 
+// Well within the time in which the unit says that it learns.
+constexpr double kFirstBackgroundMax_s = 1.0;
+
 // What the settings ask for, gathered step by step; each step says what it lacks.
 class Assembly {
  public:
@@ -217,6 +220,7 @@ Result<void> Assembly::make_pipeline() {
     unit_.rays[i] = unit_.own_rays.back();
   }
   PipelineOptions options = pipeline_options(unit_.settings.pipeline, unit_.settings.stereo);
+  options.first_background_s = std::min(kFirstBackgroundMax_s, 0.5 * options.learning_s);
   options.evidence_nodes = kLiveEvidenceNodesMax;
   auto pipeline = is_room_found_
                       ? Pipeline::create_fitting(unit_.rig, unit_.rays, unit_.wagon, options)

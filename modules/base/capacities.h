@@ -34,8 +34,8 @@ inline constexpr std::size_t kBlobsMax = 256;
 // Foreground points after the voxel grid, per sensor and fused. A person seen from one side at
 // 2 cm has about 1,500; five people who fill half of a Kinect's image at 2 to 5 m are 20,000. Forty
 // people have 180,000 voxels of skin and clothes, of which a crowd hides the most: sensors see each
-// other's points too, so what they contribute is more than what is fused. The most in scenes rush and
-// crowd: 17,317 a sensor, 48,277 fused from 60,667.
+// other's points too, so what they contribute is more than what is fused. The most in scenes rush
+// and crowd: 17,317 a sensor, 48,277 fused from 60,667.
 inline constexpr std::size_t kSensorPointsMax = 32'768;
 inline constexpr std::size_t kFusedPointsMax = 65'536;
 inline constexpr std::size_t kContributionsMax = 81'920;
@@ -51,11 +51,11 @@ static_assert(kOctreeBricksMax * kBrickLeaves <= UINT32_MAX, "a leaf's address i
 
 // Nodes (4 x 4 x 4 leaves) in which one sensor can gather evidence at a time: surfaces and what
 // moves before them, not the air. 60 m2 of surface at 2 cm pass through some 9,400 of them, with
-// the noise at 5 m through twice as many; people who pass while a whole recording is learned fill as
-// many again. Two counters a leaf, 152 bytes a node: 10 MB at most, for replays.
+// the noise at 5 m through twice as many; people who pass while a whole recording is learned fill
+// as many again. Two counters a leaf, 152 bytes a node: 10 MB at most, for replays.
 inline constexpr std::size_t kEvidenceNodesMax = 65'536;
-// A unit that learns as it goes gives nodes back, and its memory is resident from the start. A Kinect
-// in a simulated wagon of 20 or 40 passengers (scenes rush and crowd) had 6,166 nodes at the most.
+// A unit that learns as it goes gives nodes back, and its memory is resident from the start. A
+// Kinect among 20 or 40 passengers (simulated scenes rush and crowd) had 6,166 nodes at the most.
 inline constexpr std::size_t kLiveEvidenceNodesMax = 9'216;
 
 // Runs of foreground pixels of one image row, over all rows: 480 rows of a Kinect with 34 runs each

@@ -65,7 +65,7 @@ void Background::gather(const SensorView& view, DepthImage image) {
   for (const BrickAddress brick : evidence_.bricks()) {
     evidence_.visit_brick(brick, [&](LeafAddress leaf, LeafEvidence& evidence) {
       if (evidence.hits == 0 || evidence_.seen(leaf, vote_)) return;
-      if (look(view, image, leaf) != Seen::kThrough) return;
+      if (look(view, image, view.grid().leaf_at(leaf)) != Seen::kThrough) return;
       if (evidence.frees == UINT8_MAX) {
         evidence.hits /= 2;
         evidence.frees /= 2;
@@ -108,21 +108,43 @@ void Background::decide(const SensorView& view) {
   gathered_ = 0;
 }
 
+LeafAddress Background::assume_reading(const SensorView& view, DepthImage image,
+                                       std::size_t pixel) {
+  const std::uint16_t raw = image.pixels[pixel];
+  if (raw < view.depth().raw_near() || raw > view.depth().raw_far()) return kNoLeaf;
+  if (!view.has_ray(pixel)) return kNoLeaf;
+  const LeafAddress leaf = view.leaf_of(pixel, raw);
+  if (leaf == kNoLeaf || !leaves_.insert(leaf)) return kNoLeaf;
+  if (LeafEvidence* evidence = evidence_.find_or_add(leaf)) evidence->hits = 1;
+  return leaf;
+}
+
 void Background::assume(const SensorView& view, DepthImage image) {
   for (std::size_t pixel = 0; pixel < image.pixel_count(); ++pixel) {
-    const std::uint16_t raw = image.pixels[pixel];
-    if (raw < view.depth().raw_near() || raw > view.depth().raw_far()) continue;
-    if (!view.has_ray(pixel)) continue;
-    const LeafAddress leaf = view.leaf_of(pixel, raw);
-    if (leaf == kNoLeaf || !leaves_.insert(leaf)) continue;
-    if (LeafEvidence* evidence = evidence_.find_or_add(leaf)) evidence->hits = 1;
+    (void)assume_reading(view, image, pixel);
   }
+  assumed_rows_ = image.height;
   redo_thresholds(view);
+}
+
+std::size_t Background::assume_rows(const SensorView& view, DepthImage image,
+                                    std::size_t work_max) {
+  std::size_t work = 0;
+  while (assumed_rows_ < image.height && (work == 0 || work < work_max)) {
+    const std::size_t first = image.index(0, assumed_rows_++);
+    const std::size_t end = first + static_cast<std::size_t>(image.width);
+    work += end - first;
+    for (std::size_t pixel = first; pixel < end; ++pixel) {
+      const LeafAddress leaf = assume_reading(view, image, pixel);
+      if (leaf != kNoLeaf) work += thresholds_.leaf_added(view, leaves_, leaf);
+    }
+  }
+  return work;
 }
 
 void Background::redo_thresholds(const SensorView& view) {
   thresholds_.reset();
-  leaves_.visit([&](LeafAddress leaf) { thresholds_.leaf_added(view, leaves_, leaf); });
+  leaves_.visit([&](LeafAddress leaf) { (void)thresholds_.leaf_added(view, leaves_, leaf); });
 }
 
 float Background::advance(HostTime instant) {
@@ -174,7 +196,7 @@ void Background::release_if_idle(BrickAddress brick) {
 }
 
 void Background::add_leaf(const SensorView& view, LeafAddress leaf) {
-  if (leaves_.insert(leaf)) thresholds_.leaf_added(view, leaves_, leaf);
+  if (leaves_.insert(leaf)) (void)thresholds_.leaf_added(view, leaves_, leaf);
 }
 
 void Background::remove_leaf(const SensorView& view, LeafAddress leaf) {
@@ -211,8 +233,8 @@ void Background::observe_new(const SensorView& view, DepthImage image,
 }
 
 Background::Seen Background::look(const SensorView& view, DepthImage image,
-                                  LeafAddress leaf) const {
-  const Eigen::Vector3f centre = view.grid().centre(view.grid().leaf_at(leaf)).cast<float>();
+                                  const LeafIndex& leaf) const {
+  const Eigen::Vector3f centre = view.grid().centre(leaf).cast<float>();
   const auto seen = view.project(centre);
   if (!seen) return Seen::kNothing;
   const float half = 0.5F * static_cast<float>(view.grid().leaf_m());
@@ -254,12 +276,13 @@ void Background::observe_free(const SensorView& view, DepthImage image, float ro
       release_if_idle(brick);
       continue;
     }
+    const LeafIndex first = view.grid().leaf_at(brick * static_cast<std::uint32_t>(kBrickLeaves));
     leaves_.visit_brick(brick, [&](LeafAddress leaf) {
       LeafEvidence* evidence = evidence_.find_or_add(leaf);
       if (evidence == nullptr) return;
       const bool strong = evidence->hits == kHitsMax;
       if (strong && (rounds_ + brick) % kStrongRounds != 0) return;
-      switch (look(view, image, leaf)) {
+      switch (look(view, image, LeafGrid::leaf_in_brick(first, leaf))) {
         case Seen::kNothing:
           return;
         case Seen::kThere:

@@ -30,6 +30,11 @@ class Background {
 
   // Everything in this image is taken for background until it is seen through.
   void assume(const SensorView& view, DepthImage image);
+  // The same for the next rows of the image only, as many as `work_max` allows and one at least;
+  // returns the work done: pixels that were looked at, once each and again for every new leaf that
+  // may lie on their rays. Rows are taken from the image in which their turn comes, first to last.
+  std::size_t assume_rows(const SensorView& view, DepthImage image, std::size_t work_max);
+  int assumed_rows() const { return assumed_rows_; }
   // Starts a round when one is due; says which share of a round this frame is.
   float advance(HostTime instant);
   // Surfaces seen beyond all background (`unknown`), and noise (`noise`), become background when
@@ -55,7 +60,9 @@ class Background {
 
  private:
   enum class Seen : std::uint8_t { kNothing, kThere, kThrough };
-  Seen look(const SensorView& view, DepthImage image, LeafAddress leaf) const;
+  Seen look(const SensorView& view, DepthImage image, const LeafIndex& leaf) const;
+  // The reading's leaf when it is new background, or kNoLeaf.
+  LeafAddress assume_reading(const SensorView& view, DepthImage image, std::size_t pixel);
   void redo_thresholds(const SensorView& view);
   void add_leaf(const SensorView& view, LeafAddress leaf);
   void remove_leaf(const SensorView& view, LeafAddress leaf);
@@ -74,6 +81,7 @@ class Background {
   std::unique_ptr<std::uint8_t[]> empty_rounds_;  // by pixel
   std::uint32_t rounds_ = 0;
   std::uint32_t vote_ = 2;  // each leaf gets one vote of this number; the one before is vote_ - 1
+  int assumed_rows_ = 0;
   bool started_ = false;
   bool slow_frames_ = false;  // a frame is a round
   HostTime last_instant_{}, round_start_{};

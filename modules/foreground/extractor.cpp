@@ -21,6 +21,9 @@ constexpr float kSmallBlob_m2 = 0.1F;
 constexpr float kFloor_m = 0.10F;
 // Rows above and below, and a word of 64 pixels to each side, in which a fragment is near.
 constexpr int kNearRows = 16;
+// Of the first background, in pixels looked at: a pixel's own reading, and those of its leaf's
+// neighbours.
+constexpr double kWorkPerPixel = 12;
 // Learning counts at least so many rounds, however fast the clock runs.
 constexpr std::uint32_t kRoundsMin = 5;
 
@@ -100,9 +103,13 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
   last_extracted_ = instant;
   const float round_share = background_.advance(instant);
   out.background_known = has_background_;
+  first_background_work_ = 0;
+  if (!has_background_ && options_.first_background_s > 0) {
+    return draw_first_background(image, frame_s, out);
+  }
   if (!has_background_) {
     background_.assume(view_, image);
-    memory_.distrust_edges(view_, image);
+    memory_.distrust_edges(view_, image, 0, image.height);
     has_background_ = true;
   }
   background_.thresholds().classify(view_, background_.leaves(), image, foreground_.span(),
@@ -128,6 +135,23 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
       std::clamp(static_cast<int>(options_.learning_s / 0.25), static_cast<int>(kRoundsMin), 200);
   background_.observe_empty(view_, image, round_share, rounds_needed);
   if (background_.rounds() >= static_cast<std::uint32_t>(rounds_needed)) learning_ = false;
+}
+
+std::size_t ForegroundExtractor::first_background_work_max(const SensorView& view, double frame_s,
+                                                           double first_background_s) {
+  // The first frame has none before it, and after a gap there is no hurry.
+  const double share = std::clamp(frame_s / first_background_s, 0.01, 0.5);
+  return static_cast<std::size_t>(share * kWorkPerPixel * static_cast<double>(view.pixel_count()));
+}
+
+void ForegroundExtractor::draw_first_background(DepthImage image, float frame_s, Foreground& out) {
+  const auto work_max =
+      first_background_work_max(view_, static_cast<double>(frame_s), options_.first_background_s);
+  const int first_row = background_.assumed_rows();
+  first_background_work_ = background_.assume_rows(view_, image, work_max);
+  memory_.distrust_edges(view_, image, first_row, background_.assumed_rows());
+  has_background_ = background_.assumed_rows() == image.height;
+  out.clear();
 }
 
 // What rises above the floor's noise inside the wagon. Connected regions that are larger than any

@@ -27,6 +27,10 @@ struct ForegroundOptions {
   double noise_sigmas = 3.0;       // a change must exceed this many sigmas
   double blob_area_min_m2 = 0.01;  // smaller blobs are noise
   double learning_s = 2.0;         // until a ray on which nothing comes back counts as empty
+  // The first background is drawn up in about so many seconds, a few rows of each frame, so that no
+  // frame costs more than a normal one; until then nothing is told. 0: from the first frame at
+  // once.
+  double first_background_s = 0;
   // Nothing is learned: all that stands in the wagon is foreground, but for the floor.
   bool without_background = false;
   std::size_t evidence_nodes = kEvidenceNodesMax;  // fewer where memory is scarce
@@ -57,7 +61,8 @@ class ForegroundExtractor {
   void finish_learning();
 
   // The foreground of one frame. `image` has the sensor's size; `out` was made for its pixels.
-  // Nothing is foreground in the very first frame when no background was learned.
+  // Nothing is foreground in the very first frame when no background was learned, or while the
+  // first background is drawn up.
   void extract(DepthImage image, HostTime instant, Foreground& out);
 
   // True until learning_s of frames were extracted, or a background was learned or loaded.
@@ -70,6 +75,11 @@ class ForegroundExtractor {
   std::vector<std::byte> save_background() const;
   Result<void> load_background(std::span<const std::byte> bytes);
 
+  // Of the last frame: what drawing up the first background cost, in pixels that were looked at.
+  std::size_t first_background_work() const { return first_background_work_; }
+  // The most that it may be, but for the row with which it is reached.
+  static std::size_t first_background_work_max(const SensorView& view, double frame_s,
+                                               double first_background_s);
   // Of the last frame: pixels that differ from the background, before blobs.
   std::size_t changed_pixels() const;
 
@@ -81,6 +91,7 @@ class ForegroundExtractor {
   ForegroundExtractor(const RigSensor& sensor, RayTable rays, const Wagon& wagon,
                       const LeafGrid& grid, const ForegroundOptions& options,
                       std::shared_ptr<BlobWorkspace> workspace);
+  void draw_first_background(DepthImage image, float frame_s, Foreground& out);
   void remember(float round_share);
   bool near_somebody(std::size_t word) const;
   void extract_everything(DepthImage image, Foreground& out);
@@ -97,6 +108,7 @@ class ForegroundExtractor {
   bool learning_ = true;
   bool has_background_ = false;
   bool gathered_any_ = false;
+  std::size_t first_background_work_ = 0;
   HostTime last_gathered_{}, last_extracted_{};
   bool extracted_any_ = false;
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -30,6 +31,14 @@ struct Foreground {
   explicit Foreground(std::size_t pixel_count)
       : mask((pixel_count + 63) / 64), blobs(kBlobsMax), points(kSensorPointsMax) {
     mask.resize(mask.capacity());
+  }
+
+  // Nothing moved.
+  void clear() {
+    std::fill(mask.begin(), mask.end(), std::uint64_t{0});
+    blobs.clear();
+    points.clear();
+    points_dropped = 0;
   }
 
   std::uint8_t sensor_index = 0;

@@ -18,9 +18,9 @@ struct IntervalArrays {
 };
 
 // For 64 pixels a word: bits of `before` are set where the reading is inside the wagon, in neither
-// interval, and not beyond second_far; bits of `beyond` likewise, but beyond it. Of a reading between
-// the far_least and the far_most of its word both bits are set: whoever calls must look where that
-// pixel's ray leaves the wagon. Never allocates.
+// interval, and not beyond second_far; bits of `beyond` likewise, but beyond it. Of a reading
+// between the far_least and the far_most of its word both bits are set: whoever calls must look
+// where that pixel's ray leaves the wagon. Never allocates.
 using IntervalKernel = void (*)(const std::uint16_t* raw, const IntervalArrays& arrays,
                                 std::size_t words, std::uint64_t* before, std::uint64_t* beyond);
 

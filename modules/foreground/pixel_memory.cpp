@@ -42,8 +42,8 @@ PixelMemory::PixelMemory(const SensorView& view)
       foreground_before_(unknown_before_.capacity()),
       restless_(unknown_before_.capacity()),
       unrest_(view.pixel_count()) {
-  const std::size_t motions = std::min(
-      unknown_before_.capacity() / kWordsPerMotions + kMotionsMin, unknown_before_.capacity());
+  const std::size_t motions = std::min(unknown_before_.capacity() / kWordsPerMotions + kMotionsMin,
+                                       unknown_before_.capacity());
   motions_ = BoundedVector<Motions>(std::min<std::size_t>(motions, kNone));
   motions_.resize(motions_.capacity());
   free_motions_ = BoundedVector<std::uint16_t>(motions_.capacity());
@@ -58,9 +58,10 @@ PixelMemory::PixelMemory(const SensorView& view)
   }
 }
 
-void PixelMemory::distrust_edges(const SensorView& view, DepthImage image) {
+void PixelMemory::distrust_edges(const SensorView& view, DepthImage image, int first_row,
+                                 int end_row) {
   const DepthModel& depth = view.depth();
-  for (int v = 0; v < image.height; ++v) {
+  for (int v = first_row; v < end_row; ++v) {
     for (int u = 0; u < image.width; ++u) {
       const std::uint16_t here = image.at(u, v);
       const std::uint16_t known = std::min(here, depth.raw_far());

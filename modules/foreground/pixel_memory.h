@@ -18,7 +18,8 @@ class PixelMemory {
   explicit PixelMemory(const SensorView& view);
 
   // Edges and the borders of holes flicker; they are not trusted until a few seconds have passed.
-  void distrust_edges(const SensorView& view, DepthImage image);
+  // Rows first_row..end_row - 1.
+  void distrust_edges(const SensorView& view, DepthImage image, int first_row, int end_row);
   // Moves pixels from `unknown` to `foreground` that see beyond all background and saw another
   // depth in each of the frames before.
   void promote_moving(const SensorView& view, DepthImage image, float frame_s,

@@ -105,7 +105,8 @@ RayThresholds::Intervals RayThresholds::walk(const SensorView& view, const BitOc
 }
 
 template <class Visit>
-void RayThresholds::visit_pixels(const SensorView& view, LeafAddress leaf, Visit&& visit) const {
+std::size_t RayThresholds::visit_pixels(const SensorView& view, LeafAddress leaf,
+                                        Visit&& visit) const {
   const LeafGrid& grid = view.grid();
   const LeafIndex index = grid.leaf_at(leaf);
   const auto leaf_m = static_cast<float>(grid.leaf_m());
@@ -149,17 +150,19 @@ void RayThresholds::visit_pixels(const SensorView& view, LeafAddress leaf, Visit
       if (z_enter < z_leave) visit(pixel, z_enter, z_leave);
     }
   }
+  const auto rows = static_cast<std::size_t>(std::max(0, v_last - v_first + 1));
+  return rows * static_cast<std::size_t>(std::max(0, u_last - u_first + 1));
 }
 
-void RayThresholds::leaf_added(const SensorView& view, const BitOctree& background,
-                               LeafAddress leaf) {
-  visit_pixels(view, leaf, [&](std::size_t pixel, float z_enter, float z_leave) {
+std::size_t RayThresholds::leaf_added(const SensorView& view, const BitOctree& background,
+                                      LeafAddress leaf) {
+  return visit_pixels(view, leaf, [&](std::size_t pixel, float z_enter, float z_leave) {
     join(view, background, pixel, view.depth().readings_of(z_enter, z_leave));
   });
 }
 
 void RayThresholds::leaf_removed(const SensorView& view, LeafAddress leaf) {
-  visit_pixels(view, leaf, [&](std::size_t pixel, float, float) {
+  (void)visit_pixels(view, leaf, [&](std::size_t pixel, float, float) {
     stale_[pixel / 64] |= std::uint64_t{1} << (pixel % 64);
   });
   any_stale_ = true;
@@ -260,9 +263,9 @@ void RayThresholds::classify(const SensorView& view, const BitOctree& background
                              std::span<std::uint64_t> foreground,
                              std::span<std::uint64_t> unknown) const {
   const std::size_t whole = image.pixel_count() / 64;
-  const IntervalArrays arrays{near_.data(),       near_all_,         far_most_.data(),   far_least_.data(),
-                              first_near_.data(), first_far_.data(), second_near_.data(),
-                              second_far_.data()};
+  const IntervalArrays arrays{near_.data(),        near_all_,          far_most_.data(),
+                              far_least_.data(),   first_near_.data(), first_far_.data(),
+                              second_near_.data(), second_far_.data()};
   kernel_(image.pixels, arrays, whole, foreground.data(), unknown.data());
   for (std::size_t word = 0; word < whole; ++word) {
     const std::uint64_t told = foreground[word] | unknown[word];

@@ -43,8 +43,9 @@ class RayThresholds {
   // The pixels of a word (64 from word * 64) of whose ray nothing is known.
   std::uint64_t unknown_rays(std::size_t word) const { return ~(open_[word] | known_[word]); }
 
-  // A leaf came: its readings join those of the pixels whose rays pass through it.
-  void leaf_added(const SensorView& view, const BitOctree& background, LeafAddress leaf);
+  // A leaf came: its readings join those of the pixels whose rays pass through it. Returns how many
+  // pixels were looked at.
+  std::size_t leaf_added(const SensorView& view, const BitOctree& background, LeafAddress leaf);
   // A leaf went: those pixels' rays must be walked again, once by settle() whatever the number of
   // their leaves that went.
   void leaf_removed(const SensorView& view, LeafAddress leaf);
@@ -68,9 +69,10 @@ class RayThresholds {
   bool is_crowded(std::size_t pixel) const {
     return ((crowded_[pixel / 64] >> (pixel % 64)) & 1) != 0;
   }
-  // Calls visit(pixel, z_enter, z_leave) for every pixel whose ray passes through the leaf.
+  // Calls visit(pixel, z_enter, z_leave) for every pixel whose ray passes through the leaf; returns
+  // how many were tried.
   template <class Visit>
-  void visit_pixels(const SensorView& view, LeafAddress leaf, Visit&& visit) const;
+  std::size_t visit_pixels(const SensorView& view, LeafAddress leaf, Visit&& visit) const;
 
   std::uint16_t near_of(std::size_t pixel) const {
     return near_.empty() ? near_all_ : near_[pixel];

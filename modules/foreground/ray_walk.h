@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "foreground/sensor_view.h"
@@ -16,6 +17,12 @@ inline Eigen::Vector3f steep(Eigen::Vector3f ray) {
   return ray;
 }
 
+// std::floor() of what fits an int, which is a call without SSE 4.1.
+inline int floor_to_int(float value) {
+  const int whole = static_cast<int>(value);
+  return whole - (static_cast<float>(whole) > value ? 1 : 0);
+}
+
 // Walks a pixel's ray through the leaves of an octree from depth z_from to z_to and calls
 // visit(z_enter, z_leave) for every leaf that is set, nearest first, until it returns false.
 // Amanatides and Woo 1987, on the octree's levels: an empty node is one step.
@@ -23,53 +30,53 @@ template <class Visit>
 void walk_ray(const SensorView& view, const BitOctree& octree, std::size_t pixel, float z_from,
               float z_to, Visit&& visit) {
   const LeafGrid& grid = octree.grid();
-  const Eigen::Vector3f origin = view.origin_grid();
-  const Eigen::Vector3f ray = steep(view.ray_grid(pixel));
-  Eigen::Vector3f per_ray;
+  const Eigen::Vector3f origin_grid = view.origin_grid();
+  const Eigen::Vector3f ray_grid = steep(view.ray_grid(pixel));
+  // Plain arrays: they stay in registers, and the loops over the axes are unrolled.
+  std::array<float, 3> origin, ray, per_ray;
+  std::array<int, 3> ahead;  // 1: the ray leaves a node by the face with the larger coordinate
   float enter = z_from, leave = z_to;
-  for (int axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    origin[axis] = origin_grid[static_cast<Eigen::Index>(axis)];
+    ray[axis] = ray_grid[static_cast<Eigen::Index>(axis)];
     per_ray[axis] = 1.0F / ray[axis];
+    ahead[axis] = ray[axis] > 0 ? 1 : 0;
     const float a = -origin[axis] * per_ray[axis];
-    const float b =
-        (static_cast<float>(grid.leaves()[static_cast<std::size_t>(axis)]) - origin[axis]) *
-        per_ray[axis];
+    const float b = (static_cast<float>(grid.leaves()[axis]) - origin[axis]) * per_ray[axis];
     enter = std::max(enter, std::min(a, b));
     leave = std::min(leave, std::max(a, b));
   }
   if (!(enter < leave)) return;
   LeafIndex cell;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto a = static_cast<Eigen::Index>(axis);
-    cell[axis] = std::clamp(static_cast<int>(std::floor(origin[a] + enter * ray[a])), 0,
-                            grid.leaves()[axis] - 1);
+    cell[axis] =
+        std::clamp(floor_to_int(origin[axis] + enter * ray[axis]), 0, grid.leaves()[axis] - 1);
   }
   float z = enter;
   while (z < leave) {
     const LeafAddress address = grid.address(cell);
     const int size = octree.empty_node(address);
     // Where the ray leaves this node: the nearest of its three far faces.
-    std::size_t out_axis = 0;
-    float out = INFINITY;
+    std::array<float, 3> at;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto a = static_cast<Eigen::Index>(axis);
-      const int corner = cell[axis] & ~(size - 1);
-      const int face = ray[a] > 0 ? corner + size : corner;
-      const float at = (static_cast<float>(face) - origin[a]) * per_ray[a];
-      if (at < out) {
-        out = at;
-        out_axis = axis;
-      }
+      const int face = (cell[axis] & ~(size - 1)) + (ahead[axis] != 0 ? size : 0);
+      at[axis] = (static_cast<float>(face) - origin[axis]) * per_ray[axis];
     }
-    out = std::max(out, z);
-    if (size == 1 && octree.contains(address) && !visit(z, std::min(out, leave))) return;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto a = static_cast<Eigen::Index>(axis);
-      const int corner = cell[axis] & ~(size - 1);
-      if (axis == out_axis) {
-        cell[axis] = ray[a] > 0 ? corner + size : corner - 1;
-      } else if (size > 1) {
-        cell[axis] = std::clamp(static_cast<int>(std::floor(origin[a] + out * ray[a])), corner,
-                                corner + size - 1);
+    std::size_t out_axis = at[1] < at[0] ? 1 : 0;
+    if (at[2] < at[out_axis]) out_axis = 2;
+    const float out = std::max(at[out_axis], z);
+    if (size == 1) {
+      if (octree.contains(address) && !visit(z, std::min(out, leave))) return;
+      cell[out_axis] += 2 * ahead[out_axis] - 1;
+    } else {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const int corner = cell[axis] & ~(size - 1);
+        if (axis == out_axis) {
+          cell[axis] = ahead[axis] != 0 ? corner + size : corner - 1;
+        } else {
+          cell[axis] =
+              std::clamp(floor_to_int(origin[axis] + out * ray[axis]), corner, corner + size - 1);
+        }
       }
     }
     if (!grid.contains(cell)) return;

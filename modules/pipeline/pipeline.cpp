@@ -16,9 +16,13 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
   if (rig.sensors.empty())
     return fail("the rig has no sensor, so there is nothing to watch with; add one to it");
   auto state = std::make_unique<State>(rig, wagon, options);
-  const ForegroundOptions foreground{options.leaf_m,         options.voxel_m,
-                                     options.noise_sigmas,   options.blob_area_min_m2,
-                                     options.learning_s,     options.without_background,
+  const ForegroundOptions foreground{options.leaf_m,
+                                     options.voxel_m,
+                                     options.noise_sigmas,
+                                     options.blob_area_min_m2,
+                                     options.learning_s,
+                                     options.first_background_s,
+                                     options.without_background,
                                      options.evidence_nodes};
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const RigSensor& sensor = rig.sensors[i];

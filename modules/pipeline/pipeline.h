@@ -25,12 +25,16 @@ struct PipelineOptions {
   double noise_sigmas = 3.0;       // a change must exceed this many sigmas
   double blob_area_min_m2 = 0.01;  // smaller blobs are noise
   double learning_s = 2.0;         // until a background counts as known
+  // The first background of a sensor is drawn up in about so many seconds, a few rows of each
+  // frame, so that no instant costs more than a normal one; 0: from its first frame at once, for
+  // recordings, where nothing is too late.
+  double first_background_s = 0;
   double fps_expected = 30.0;  // FrameSets a second; time constants are seconds, this only warns
   bool compensate_skew = true;
   // For recordings of a few frames, from which no background can be learned: everything above the
   // floor is looked at, people are told from furniture by their shape and told at once.
   bool without_background = false;
-  StereoToDepthOptions stereo;                       // of every stereo camera
+  StereoToDepthOptions stereo;                     // of every stereo camera
   std::size_t evidence_nodes = kEvidenceNodesMax;  // a sensor's, for its background
 };
 

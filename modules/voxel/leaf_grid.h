@@ -49,9 +49,16 @@ class LeafGrid {
     const auto y = static_cast<unsigned>(leaf[1]);
     const auto z = static_cast<unsigned>(leaf[2]);
     const unsigned block = ((z >> 5) * blocks_[1] + (y >> 5)) * blocks_[0] + (x >> 5);
-    return (block << 15) | spread(x & 31) | (spread(y & 31) << 1) | (spread(z & 31) << 2);
+    return (block << 15) | kSpread[x & 31] | (unsigned{kSpread[y & 31]} << 1) |
+           (unsigned{kSpread[z & 31]} << 2);
   }
   LeafIndex leaf_at(LeafAddress address) const;
+  // The same for a leaf of a brick whose first leaf, that with the least coordinates, is known.
+  static LeafIndex leaf_in_brick(const LeafIndex& first, LeafAddress address) {
+    const unsigned place = kPlaces[address % kBrickLeaves];
+    return {first[0] + static_cast<int>(place & 7U), first[1] + static_cast<int>(place >> 3 & 7U),
+            first[2] + static_cast<int>(place >> 6)};
+  }
   // The corner of a leaf with the least coordinates (W, metres).
   Eigen::Vector3d corner(const LeafIndex& leaf) const {
     return min_ + leaf_m_ * Eigen::Vector3d(leaf[0], leaf[1], leaf[2]);
@@ -71,11 +78,32 @@ class LeafGrid {
     return (value & 1U) | ((value & 2U) << 2) | ((value & 4U) << 4) | ((value & 8U) << 6) |
            ((value & 16U) << 8);
   }
+  static constexpr std::array<std::uint16_t, 32> make_spread() {
+    std::array<std::uint16_t, 32> table{};
+    for (unsigned i = 0; i < 32; ++i) table[i] = static_cast<std::uint16_t>(spread(i));
+    return table;
+  }
+  // By a leaf's number in its brick: x, y and z in three bits each.
+  static constexpr std::array<std::uint16_t, kBrickLeaves> make_places() {
+    std::array<std::uint16_t, kBrickLeaves> table{};
+    for (unsigned z = 0; z < 8; ++z)
+      for (unsigned y = 0; y < 8; ++y)
+        for (unsigned x = 0; x < 8; ++x)
+          table[spread(x) | spread(y) << 1 | spread(z) << 2] =
+              static_cast<std::uint16_t>(x | y << 3 | z << 6);
+    return table;
+  }
+  static const std::array<std::uint16_t, 32> kSpread;
+  static const std::array<std::uint16_t, kBrickLeaves> kPlaces;
 
   Eigen::Vector3d min_ = Eigen::Vector3d::Zero();
   double leaf_m_ = 0;
   std::array<int, 3> leaves_{};
   std::array<unsigned, 3> blocks_{};
 };
+
+inline constexpr std::array<std::uint16_t, 32> LeafGrid::kSpread = LeafGrid::make_spread();
+inline constexpr std::array<std::uint16_t, kBrickLeaves> LeafGrid::kPlaces =
+    LeafGrid::make_places();
 
 }  // namespace wagonsight

@@ -1,6 +1,8 @@
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <bit>
+#include <chrono>
 #include <string>
 #include <vector>
 
@@ -137,11 +139,54 @@ void mask(benchmark::State& state, const BenchScene& scene) {
   state.SetLabel(isa());
 }
 
+// What the first ten seconds of a sensor cost, frame by frame, with a background that is drawn up
+// in `first_background_s`.
+void first_frames(benchmark::State& state, const BenchScene& scene, double first_background_s) {
+  ForegroundOptions options;
+  options.leaf_m = kLeaf_m;
+  options.voxel_m = kVoxel_m;
+  options.first_background_s = first_background_s;
+  Foreground foreground(scene.rays.size());
+  std::vector<double> costs_ms;
+  for (auto _ : state) {
+    auto extractor = *ForegroundExtractor::create(scene.sensor, scene.rays, scene.wagon, options);
+    HostTime now{};
+    for (std::size_t i = 0; i < 300; ++i, now += std::chrono::microseconds(33'333)) {
+      const std::size_t frame = i % (scene.background.size() + scene.frames.size());
+      const auto& image = frame < scene.background.size()
+                              ? scene.background[frame]
+                              : scene.frames[frame - scene.background.size()];
+      const auto begin = std::chrono::steady_clock::now();
+      extractor->extract(scene.view(image), now, foreground);
+      const std::chrono::duration<double, std::milli> cost =
+          std::chrono::steady_clock::now() - begin;
+      costs_ms.push_back(cost.count());
+    }
+  }
+  std::sort(costs_ms.begin(), costs_ms.end());
+  const auto at = [&](double share) {
+    return costs_ms[static_cast<std::size_t>(share * static_cast<double>(costs_ms.size() - 1))];
+  };
+  state.counters["p50_ms"] = at(0.5);
+  state.counters["p99_ms"] = at(0.99);
+  state.counters["max_ms"] = costs_ms.back();
+}
+
+void first_frames_spread(benchmark::State& state, const BenchScene& scene) {
+  first_frames(state, scene, 1.0);
+}
+
+void first_frames_at_once(benchmark::State& state, const BenchScene& scene) {
+  first_frames(state, scene, 0);
+}
+
 }  // namespace
 
 void register_chain() {
   register_on_every_scene("chain/wagonsight/", chain);
   register_on_every_scene("mask/wagonsight/", mask);
+  register_on_every_scene("first/wagonsight/", first_frames_spread);
+  register_on_every_scene("first/wagonsight_at_once/", first_frames_at_once);
 }
 
 }  // namespace wagonsight::bench

@@ -47,13 +47,18 @@ void EuclideanClusters::fill(std::span<const ForegroundPoint> points) {
                           static_cast<int>((points[i].z - min_.z()) * per_cell_) + 2};
     const int x = std::clamp(place[0], 2, size_[0] - 3), y = std::clamp(place[1], 2, size_[1] - 3),
               z = std::clamp(place[2], 2, size_[2] - 3);
-    std::uint32_t& at = cell_at_[static_cast<std::size_t>((z * size_[1] + y) * size_[0] + x)];
+    const auto row = static_cast<std::uint32_t>(z * size_[1] + y);
+    const auto place_in_grid =
+        row * static_cast<std::uint32_t>(size_[0]) + static_cast<std::uint32_t>(x);
+    std::uint32_t& at = cell_at_[place_in_grid];
     if (at == 0) {
       const auto index = static_cast<std::uint32_t>(cells_.size());
-      (void)cells_.try_push_back({kNoPoint, index, 0, x, y, z});
+      const auto bits = row * static_cast<std::uint32_t>(row_bytes_);
+      const auto left = static_cast<std::uint32_t>(x - 2);
+      (void)cells_.try_push_back({kNoPoint, index, 0, place_in_grid, bits + left / 8, left % 8});
       at = index + 1;
-      occupied_[static_cast<std::size_t>(z * size_[1] + y) * row_bytes_ +
-                static_cast<std::size_t>(x / 8)] |= static_cast<std::uint8_t>(1U << (x % 8));
+      occupied_[bits + static_cast<std::uint32_t>(x) / 8] |=
+          static_cast<std::uint8_t>(1U << (x % 8));
     }
     Cell& cell = cells_[at - 1];
     next_point_[i] = cell.first;
@@ -82,16 +87,15 @@ void EuclideanClusters::join(std::span<const ForegroundPoint> points, std::uint3
 
 void EuclideanClusters::join_row(std::span<const ForegroundPoint> points, int dy, int dz,
                                  unsigned offsets) {
+  const int rows = dz * size_[1] + dy;
+  const auto bytes_on = static_cast<std::ptrdiff_t>(rows) * static_cast<std::ptrdiff_t>(row_bytes_);
+  const auto cells_on = static_cast<std::ptrdiff_t>(rows) * size_[0] - 2;
   for (std::uint32_t index = 0; index < cells_.size(); ++index) {
     const Cell& cell = cells_[index];
-    const int row = (cell.z + dz) * size_[1] + cell.y + dy;
-    const int x = cell.x - 2;
-    const std::uint8_t* const bits =
-        &occupied_[static_cast<std::size_t>(row) * row_bytes_ + static_cast<std::size_t>(x / 8)];
-    unsigned there = (static_cast<unsigned>(bits[0] | bits[1] << 8) >> (x % 8)) & offsets;
+    const std::uint8_t* const bits = &occupied_[cell.bits_at] + bytes_on;
+    unsigned there = (static_cast<unsigned>(bits[0] | bits[1] << 8) >> cell.shift) & offsets;
     for (; there != 0; there &= there - 1) {
-      const int other = row * size_[0] + x + std::countr_zero(there);
-      join(points, index, cell_at_[static_cast<std::size_t>(other)] - 1);
+      join(points, index, *(&cell_at_[cell.at] + cells_on + std::countr_zero(there)) - 1);
     }
   }
 }
@@ -119,9 +123,8 @@ std::size_t EuclideanClusters::count(std::span<const ForegroundPoint> points,
   for (std::uint32_t index = 0; index < cells_.size(); ++index) {
     const Cell& cell = cells_[index];
     if (cell.parent == index && cell.points >= points_min) ++clusters;
-    const auto row = static_cast<std::size_t>(cell.z * size_[1] + cell.y);
-    cell_at_[row * static_cast<std::size_t>(size_[0]) + static_cast<std::size_t>(cell.x)] = 0;
-    occupied_[row * row_bytes_ + static_cast<std::size_t>(cell.x / 8)] = 0;
+    cell_at_[cell.at] = 0;
+    occupied_[cell.bits_at + (cell.shift + 2) / 8] = 0;
   }
   return clusters;
 }

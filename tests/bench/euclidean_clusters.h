@@ -24,7 +24,9 @@ class EuclideanClusters {
   struct Cell {
     std::uint32_t first = 0, parent = 0;  // of its points; of its cluster
     std::uint32_t points = 0;
-    int x = 0, y = 0, z = 0;
+    std::uint32_t at = 0;       // in cell_at_
+    std::uint32_t bits_at = 0;  // the byte of occupied_ that holds the bit two to its left
+    std::uint32_t shift = 0;    // and which of its bits that is
   };
   std::uint32_t root(std::uint32_t cell);
   // Tries all pairs of cells that are (dx, dy, dz) apart; dx from the lowest to the highest bit of

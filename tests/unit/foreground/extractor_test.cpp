@@ -300,5 +300,45 @@ TEST(ForegroundExtractor, SaysWhatCannotBeServed) {
   EXPECT_THAT(message(room.sensor, wagon, {}), HasSubstr("smaller inside"));
 }
 
+// No frame may cost much more than another, from the first on: counted, not timed.
+TEST(ForegroundExtractor, DrawsTheFirstBackgroundUpInBoundedSteps) {
+  RenderedRoom room;
+  ForegroundOptions options;
+  options.first_background_s = 1.0;
+  const auto made = ForegroundExtractor::create(room.sensor, room.rays, room.wagon, options);
+  ASSERT_TRUE(made.has_value());
+  ForegroundExtractor& extractor = **made;
+  const auto at_once = ForegroundExtractor::create(room.sensor, room.rays, room.wagon, {});
+  Foreground foreground(room.rays.size()), other(room.rays.size());
+  constexpr double kFrame_s = 1.0 / 30;
+  std::size_t work = 0, frames = 0;
+  bool known = false;
+  const auto image = room.render({}, 0);
+  for (int frame = 0; frame < 90; ++frame) {
+    const HostTime now = HostTime{} + from_seconds(frame * kFrame_s);
+    extractor.extract(room.view(image), now, foreground);
+    if (frame == 0) (*at_once)->extract(room.view(image), now, other);
+    const std::size_t last_row = static_cast<std::size_t>(room.sensor.camera.width) * 50;
+    EXPECT_LE(extractor.first_background_work(),
+              ForegroundExtractor::first_background_work_max(extractor.view(), kFrame_s * 1.001,
+                                                             options.first_background_s) +
+                  last_row);
+    if (extractor.first_background_work() > 0) {
+      ++frames;
+      EXPECT_EQ(work == 0, frame == 0);
+      EXPECT_TRUE(foreground.blobs.empty());
+      EXPECT_FALSE(foreground.background_known);
+    }
+    known = known || foreground.background_known;
+    work += extractor.first_background_work();
+  }
+  EXPECT_TRUE(known);
+  EXPECT_GT(work, room.rays.size());  // every pixel, and those around new leaves
+  EXPECT_GE(frames, 10U);
+  EXPECT_LE(frames, 75U);
+  // The same image gives the same leaves as when they are drawn up at once.
+  EXPECT_GE(extractor.background_share(), (*at_once)->background_share() - 0.001);
+}
+
 }  // namespace
 }  // namespace wagonsight

@@ -82,8 +82,8 @@ TEST(BitOctree, RefusesAndCountsWhenItsBricksAreUsedUp) {
     std::uint64_t refused = 0;
     const int steps = *rc::gen::inRange(0, 200);
     for (int i = 0; i < steps; ++i) {
-      const LeafAddress leaf = *rc::gen::inRange<LeafAddress>(0, 8) * 512 +
-                               *rc::gen::inRange<LeafAddress>(0, 3) * 100;
+      const LeafAddress leaf =
+          *rc::gen::inRange<LeafAddress>(0, 8) * 512 + *rc::gen::inRange<LeafAddress>(0, 3) * 100;
       if (*rc::gen::inRange(0, 3) == 0) {
         RC_ASSERT(octree.erase(leaf) == (twin.erase(leaf) == 1));
       } else if (!bricks_of().contains(leaf / 512) && bricks_of().size() == kBricks) {
