@@ -26,7 +26,8 @@ BoardGrid to_grid(const std::vector<cv::Point2f>& found, const Board& board,
                   const std::vector<SaddlePoint>& saddles) {
   BoardGrid grid;
   const auto at = [&](int column, int row) {
-    const cv::Point2f& p = found[static_cast<std::size_t>(row * board.columns + column)];
+    const int id = row * board.columns + column;
+    const cv::Point2f& p = found[static_cast<std::size_t>(id)];
     return Eigen::Vector2d(p.x, p.y);
   };
   const Eigen::Vector2d along = at(1, 0) - at(0, 0), down = at(0, 1) - at(0, 0);
@@ -37,11 +38,12 @@ BoardGrid to_grid(const std::vector<cv::Point2f>& found, const Board& board,
   // The colouring by vote of the saddles that coincide with nodes.
   int votes = 0, voters = 0;
   for (const auto& [place, node] : grid.nodes) {
+    const Eigen::Vector2d& pixel = node.pixel;
     const auto saddle = std::min_element(
         saddles.begin(), saddles.end(), [&](const SaddlePoint& a, const SaddlePoint& b) {
-          return (a.pixel - node.pixel).squaredNorm() < (b.pixel - node.pixel).squaredNorm();
+          return (a.pixel - pixel).squaredNorm() < (b.pixel - pixel).squaredNorm();
         });
-    if (saddle == saddles.end() || (saddle->pixel - node.pixel).norm() > 2) continue;
+    if (saddle == saddles.end() || (saddle->pixel - pixel).norm() > 2) continue;
     const Eigen::Vector2d diagonal = (position_of(grid, place.first + 0.5, place.second + 0.5) -
                                       position_of(grid, place.first - 0.5, place.second - 0.5))
                                          .normalized();
@@ -108,6 +110,7 @@ void drop_misfits(BoardGrid& grid, double tolerated_px) {
   for (const auto& [place, node] : grid.nodes) misfits[place] = misfit_of(grid, place);
   while (!misfits.empty()) {
     std::vector<double> sorted;
+    sorted.reserve(misfits.size());
     for (const auto& [place, misfit] : misfits) sorted.push_back(misfit);
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());

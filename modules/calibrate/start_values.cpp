@@ -231,6 +231,7 @@ double view_rms(const Problem& problem, std::size_t v, const Rigid& X_SP,
                 const std::vector<Corner>& corners) {
   // The median, so that a few wrong IDs do not make a good view look bad.
   std::vector<double> errors;
+  errors.reserve(corners.size());
   for (const Corner& corner : corners)
     errors.push_back(
         (reproject(problem, problem.view_imager[v], X_SP, corner.id) - corner.pixel).norm());
