@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <memory>
 #include <vector>
 
+#include "depot_recorder.h"
 #include "frame_source.h"
 #include "http/server.h"
 #include "linux/clocks.h"
@@ -18,6 +20,7 @@
 #include "shared_block.h"
 #include "tracking.h"
 #include "unit.h"
+#include "vehicle/vehicle_input.h"
 #include "version.h"
 #include "vigil.h"
 #include "web_supervisor.h"
@@ -38,6 +41,19 @@ constexpr std::size_t kSlotsPerSensor = 4, kSlotsMore = 2;
 constexpr double kTrackingSilenceMaxS = 8.0;
 constexpr double kDriverSilenceMaxS = 30.0;
 
+DepotOptions depot_options(const Settings& unit) {
+  const RecordingSettings& settings = unit.recording;
+  const auto bytes = [](double mb) { return static_cast<std::uint64_t>(mb * (1U << 20U)); };
+  DepotOptions options;
+  options.folder = settings.folder;
+  options.has_vehicle = !unit.vehicle.socket.empty();
+  options.made_by = fmt::format("wagonsight {}", kVersionText);
+  options.file_length = from_seconds(60 * settings.file_minutes);
+  options.memory_bytes = bytes(settings.memory_mb);
+  options.free_bytes_min = bytes(settings.free_mb_min);
+  return options;
+}
+
 // What the daemon consists of once it runs; made in this order, taken down in the reverse one.
 class Daemon {
  public:
@@ -48,13 +64,17 @@ class Daemon {
         shared_(std::move(shared)),
         log_(shared_.block(), start),
         pool_(kSlotsPerSensor * unit_->rig.sensors.size() + kSlotsMore, unit_->slot_bytes),
+        recorder_(unit_->rig, unit_->slot_bytes, depot_options(unit_->settings)),
         tracking_(std::move(unit_->pipeline), unit_->rig, pool_, bell_, start),
         publisher_(*unit_, shared_.block(), log_, start),
         listening_(listening),
-        web_(shared_.fd(), listening.fd, access,
-             [this](std::string_view text) { log_.say(Severity::kWarning, text); }) {
+        web_(
+            shared_.fd(), listening.fd, access,
+            [this](std::string_view text) { log_.say(Severity::kWarning, text); },
+            [this](const UnitCommand& command) { obey(command); }) {
     for (FrameSource& source : unit_->sources)
-      sources_.push_back(std::make_unique<SourceThread>(std::move(source), pool_, bell_));
+      sources_.push_back(
+          std::make_unique<SourceThread>(std::move(source), pool_, bell_, &recorder_));
   }
   ~Daemon() {
     tracking_.stop();
@@ -75,7 +95,9 @@ class Daemon {
       sources.push_back(source.get());
     }
     tracking_.start(std::move(sources));
-    publisher_.publish(tracking_, sources_, pool_, 0);
+    open_vehicle();
+    if (unit_->settings.recording.at_start) record(unit_->settings.recording.minutes);
+    publish();
     // Without a page the wagon is still watched, and the supervisor keeps trying.
     if (const auto started = web_.start(seconds()); !started)
       log_.say(Severity::kError, started.error().message);
@@ -85,7 +107,7 @@ class Daemon {
     watch_stages(vigil);
     vigil.ready("watching the wagon");
     while (!signals.wait(kPublishPeriod)) {
-      publisher_.publish(tracking_, sources_, pool_, web_.restarts());
+      publish();
       web_.tick(seconds());
       const WallTime wall = wall_now();
       vigil.tick(seconds(), wall.synchronised ? wall.unix_s : 0,
@@ -95,6 +117,54 @@ class Daemon {
   }
 
  private:
+  void publish() {
+    hear_vehicle();
+    publisher_.publish(tracking_, sources_, pool_, web_.restarts(), recorder_.status(),
+                       vehicle_ == nullptr ? VehicleState{} : vehicle_->state());
+  }
+
+  void hear_vehicle() {
+    if (vehicle_ == nullptr || !vehicle_->tick(seconds())) return;
+    const VehicleState& state = vehicle_->state();
+    VehicleStateMessage message{
+        host_now(), state.has_speed, state.speed, state.has_stop, std::string(state.stop.view()),
+        {}};
+    for (std::size_t i = 0; i < state.doors.size(); ++i)
+      message.doors.push_back({std::string(unit_->wagon.doors[i].name.view()),
+                               static_cast<std::uint8_t>(state.doors[i])});
+    recorder_.tell_vehicle(message);
+  }
+
+  // Without its signals the wagon is watched as before.
+  void open_vehicle() {
+    const VehicleSettings& settings = unit_->settings.vehicle;
+    if (settings.socket.empty()) return;
+    VehicleOptions options;
+    options.socket = settings.socket;
+    options.silence_s = settings.silence_s;
+    for (const Door& door : unit_->wagon.doors) options.doors.push_back(door.name);
+    auto opened = VehicleInput::open(std::move(options));
+    if (opened)
+      vehicle_ = std::move(*opened);
+    else
+      log_.say(Severity::kError, opened.error().message);
+  }
+
+  void record(double minutes) {
+    if (const auto started = recorder_.start(from_seconds(60 * minutes)); !started)
+      log_.say(Severity::kError, started.error().message);
+  }
+
+  // The web side has asked who may; here it is bounded what may be asked.
+  void obey(const UnitCommand& command) {
+    const RecordingSettings& settings = unit_->settings.recording;
+    if (command.kind == UnitCommand::Kind::kStopRecording) {
+      recorder_.stop();
+    } else if (!settings.folder.empty()) {
+      record(std::clamp(static_cast<double>(command.minutes), 1.0, settings.minutes));
+    }
+  }
+
   // Everything is allocated and there is no other thread yet.
   void hold_all_memory() {
     const auto held = hold_memory();
@@ -128,6 +198,8 @@ class Daemon {
   UnitLog log_;
   FramePool pool_;
   FrameBell bell_;
+  DepotRecorder recorder_;
+  std::unique_ptr<VehicleInput> vehicle_;  // nullptr: none
   std::vector<std::unique_ptr<SourceThread>> sources_;
   Tracking tracking_;
   Publisher publisher_;

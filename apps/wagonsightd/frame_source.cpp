@@ -39,8 +39,14 @@ void FrameBell::wait(Duration timeout) {
   (void)!read(fd_, &rings, sizeof rings);
 }
 
-SourceThread::SourceThread(FrameSource source, FramePool& pool, FrameBell& bell)
-    : source_(std::move(source)), pool_(pool), bell_(bell), ring_(kRingSlots) {}
+SourceThread::SourceThread(FrameSource source, FramePool& pool, FrameBell& bell,
+                           FrameWitness* witness)
+    : source_(std::move(source)),
+      pool_(pool),
+      bell_(bell),
+      witness_(witness),
+      own_ring_(kRingSlots),
+      ring_(kRingSlots) {}
 
 SourceThread::~SourceThread() {
   stop();
@@ -63,7 +69,8 @@ void SourceThread::run() {
   if (!source_.allocates) seal.emplace();
   bool going_on = true;
   while (going_on && !stop_.load(std::memory_order_acquire)) {
-    going_on = source_.sensor->poll(kPollTimeout, pool_, ring_);
+    going_on = source_.sensor->poll(kPollTimeout, pool_, own_ring_);
+    hand_on();
     turns_.fetch_add(1, std::memory_order_relaxed);
     tell_counters();
     if (ring_.size() > 0) bell_.ring();
@@ -71,10 +78,25 @@ void SourceThread::run() {
   ended_.store(true, std::memory_order_release);
 }
 
+void SourceThread::hand_on() {
+  FrameSlot* slot = nullptr;
+  while (own_ring_.try_pop(slot)) {
+    const std::uint8_t index = slot->sensor_index < kSensorsMax
+                                   ? source_.rig_index[slot->sensor_index]
+                                   : FrameSource::kNone;
+    const bool is_wanted = index != FrameSource::kNone;
+    slot->sensor_index = index;
+    if (is_wanted && witness_ != nullptr) witness_->offer(*slot);
+    if (is_wanted && ring_.try_push(slot)) continue;
+    pool_.release(slot);
+    if (is_wanted) ++overrun_;
+  }
+}
+
 void SourceThread::tell_counters() {
   const Sensor::Counters now = source_.sensor->counters();
   frames_.store(now.frames, std::memory_order_relaxed);
-  dropped_.store(now.dropped, std::memory_order_relaxed);
+  dropped_.store(now.dropped + overrun_, std::memory_order_relaxed);
   damaged_.store(now.damaged, std::memory_order_relaxed);
   resets_.store(now.resets, std::memory_order_relaxed);
   const std::string_view trouble = source_.sensor->trouble();
@@ -102,17 +124,7 @@ std::string_view SourceThread::trouble() const {
 
 FrameSlot* SourceThread::take() {
   FrameSlot* slot = nullptr;
-  while (ring_.try_pop(slot)) {
-    const std::uint8_t index = slot->sensor_index < kSensorsMax
-                                   ? source_.rig_index[slot->sensor_index]
-                                   : FrameSource::kNone;
-    if (index != FrameSource::kNone) {
-      slot->sensor_index = index;
-      return slot;
-    }
-    pool_.release(slot);
-  }
-  return nullptr;
+  return ring_.try_pop(slot) ? slot : nullptr;
 }
 
 }  // namespace wagonsight

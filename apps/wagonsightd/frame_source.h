@@ -28,6 +28,14 @@ struct FrameSource {
   bool is_device = false;
 };
 
+// Is shown every frame of the rig's sensors by their threads before the tracking has it, and keeps
+// none. Must be quick.
+class FrameWitness {
+ public:
+  virtual ~FrameWitness() = default;
+  virtual void offer(const FrameSlot& frame) = 0;
+};
+
 // Tells the tracking thread that there are frames; never blocks the teller.
 class FrameBell {
  public:
@@ -45,7 +53,8 @@ class FrameBell {
 // The thread of one source: polls it until told to stop, and hands its slots on.
 class SourceThread {
  public:
-  SourceThread(FrameSource source, FramePool& pool, FrameBell& bell);
+  SourceThread(FrameSource source, FramePool& pool, FrameBell& bell,
+               FrameWitness* witness = nullptr);
   ~SourceThread();  // stops
   SourceThread(const SourceThread&) = delete;
   SourceThread& operator=(const SourceThread&) = delete;
@@ -74,12 +83,16 @@ class SourceThread {
 
  private:
   void run();
+  void hand_on();
   void tell_counters();
 
   FrameSource source_;
   FramePool& pool_;
   FrameBell& bell_;
-  SpscRing<FrameSlot*> ring_;
+  FrameWitness* witness_;
+  SpscRing<FrameSlot*> own_ring_;  // from the sensor, within this thread
+  SpscRing<FrameSlot*> ring_;      // to the tracking
+  std::uint64_t overrun_ = 0;      // frames that the tracking did not take in time
   std::atomic<bool> stop_{false}, ended_{false};
   std::atomic<std::uint64_t> turns_{0};
   std::atomic<const char*> trouble_{nullptr};

@@ -67,7 +67,8 @@ Publisher::Publisher(const Unit& unit, SharedBlock& block, UnitLog& log, HostTim
 
 void Publisher::publish(const Tracking& tracking,
                         const std::vector<std::unique_ptr<SourceThread>>& sources,
-                        const FramePool& pool, std::uint32_t web_restarts) {
+                        const FramePool& pool, std::uint32_t web_restarts,
+                        const RecordingStatus& recording, const VehicleState& vehicle) {
   Snapshot& s = *snapshot_;
   ++s.sequence;
   const HostTime now = host_now();
@@ -84,6 +85,8 @@ void Publisher::publish(const Tracking& tracking,
     settle();
   }
   s.web_restarts = web_restarts;
+  s.recording = recording;
+  s.vehicle = vehicle;
   tell_sensors(sources);
   tell_rates();
   tell_stages();
@@ -212,6 +215,25 @@ void Publisher::tell_unit(const FramePool& pool) {
   s.resident_bytes = resident_bytes();
 }
 
+void Publisher::log_recording() {
+  const RecordingStatus& now = snapshot_->recording;
+  if (now.state == told_recording_) return;
+  told_recording_ = now.state;
+  const std::string trouble(now.trouble.view());
+  switch (now.state) {
+    case RecordingState::kOn:
+      log_.say(Severity::kWarning, "Everything that the sensors see is being recorded.");
+      break;
+    case RecordingState::kNoDisk:
+      log_.say(Severity::kError, fmt::format("The recording cannot be written: {}", trouble));
+      break;
+    case RecordingState::kOff:
+      log_.say(Severity::kNote,
+               fmt::format("The recording ended with {} frames in {} files, {} dropped. {}",
+                           now.frames, now.files, now.dropped, trouble));
+  }
+}
+
 void Publisher::log_changes() {
   const Snapshot& s = *snapshot_;
   for (std::size_t i = 0; i < s.sensors.size(); ++i) {
@@ -225,6 +247,7 @@ void Publisher::log_changes() {
                          to_text(told_states_[i])));
     told_states_[i] = state;
   }
+  log_recording();
   if (told_learning_ && !s.learning && s.framesets > 0) {
     log_.say(Severity::kNote, "The empty wagon is known; people are counted from now on.");
     told_learning_ = false;

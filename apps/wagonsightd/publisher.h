@@ -33,7 +33,8 @@ class Publisher {
   Publisher(const Unit& unit, SharedBlock& block, UnitLog& log, HostTime daemon_start);
 
   void publish(const Tracking& tracking, const std::vector<std::unique_ptr<SourceThread>>& sources,
-               const FramePool& pool, std::uint32_t web_restarts);
+               const FramePool& pool, std::uint32_t web_restarts, const RecordingStatus& recording,
+               const VehicleState& vehicle);
 
  private:
   // Counters as they were some seconds ago, for rates and shares of the last ten seconds.
@@ -52,6 +53,7 @@ class Publisher {
   void tell_stages();
   void tell_unit(const FramePool& pool);
   void log_changes();
+  void log_recording();
 
   const Unit& unit_;
   SharedBlock& block_;
@@ -66,6 +68,7 @@ class Publisher {
   bool settled_ = false;    // the start is over
   double learned_at_ = -1;  // when the background became known; below zero: not yet
   double stages_told_at_ = -1e9;
+  RecordingState told_recording_ = RecordingState::kOff;
 };
 
 }  // namespace wagonsight

@@ -60,6 +60,13 @@ UnitInfo unit_info(const Unit& unit, std::string_view version) {
   const WallTime wall = wall_now();
   info.started_unix = wall.synchronised ? wall.unix_s : 0;
   info.resident_limit = unit.simulated ? 0 : kResidentLimit;
+  const RecordingSettings& recording = unit.settings.recording;
+  if (!recording.folder.empty()) {
+    info.recording_minutes_max = static_cast<std::uint16_t>(recording.minutes);
+    // Planned, too, while it records.
+    if (info.resident_limit > 0)
+      info.resident_limit += static_cast<std::uint64_t>(recording.memory_mb) << 20U;
+  }
   info.plan = plan_of(unit.wagon, unit.rig);
   info.settings = std::string_view(unit.settings_text);
   return info;

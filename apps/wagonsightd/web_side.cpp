@@ -25,6 +25,12 @@ double monotonic_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+// A full buffer means that the daemon does not listen; it will notice by itself.
+bool tell_daemon(const WebMessage& message) {
+  return send(kWebLinkFd, &message, sizeof message, MSG_DONTWAIT | MSG_NOSIGNAL) ==
+         static_cast<ssize_t>(sizeof message);
+}
+
 // Turns the server's requests into the site's and back, on the newest snapshot.
 class WebSide : public HttpHandler {
  public:
@@ -44,7 +50,11 @@ class WebSide : public HttpHandler {
     asked.cookie = request.cookie;
     asked.accept_encoding = request.accept_encoding;
     asked.peer_is_loopback = request.peer_is_loopback;
-    return to_server(site_.answer(asked, input()));
+    HttpAnswer answer = site_.answer(asked, input());
+    if (answer.command &&
+        !tell_daemon({static_cast<std::uint8_t>(answer.command->kind), 0, answer.command->minutes}))
+      answer = error_answer(503, "The daemon does not listen just now; try again.");
+    return to_server(std::move(answer));
   }
   ServerAnswer refuse(int status) override { return to_server(refusal(status)); }
 
@@ -113,11 +123,7 @@ int run_web_side() {
   HttpServer server(kWebListenFd, HttpLimits{}, side);
   server.every(kPeoplePeriod, [&] { side.tell_people(server); });
   server.every(kStatePeriod, [&] { side.tell_state(server); });
-  server.every(from_seconds(kHeartbeatPeriodS), [&] {
-    const char beat = 1;
-    // A full buffer means that the daemon does not listen; it will notice by itself.
-    (void)send(kWebLinkFd, &beat, 1, MSG_DONTWAIT | MSG_NOSIGNAL);
-  });
+  server.every(from_seconds(kHeartbeatPeriodS), [] { (void)tell_daemon({}); });
   server.when_readable(kWebLinkFd, [&] { server.stop(); });  // the daemon went
   server.run();
   return 0;

@@ -21,7 +21,14 @@ struct WebGreeting {
   AccessRules access;
 };
 
-// How often the web side says on the link, with one byte, that its loop turns.
+// What the web side says on the link: that its loop turns, or what somebody who may asked for.
+struct WebMessage {
+  std::uint8_t kind = 0;  // 0: it lives; otherwise a UnitCommand's
+  std::uint8_t reserved = 0;
+  std::uint16_t minutes = 0;
+};
+static_assert(sizeof(WebMessage) == 4);
+// How often it says that it lives.
 inline constexpr double kHeartbeatPeriodS = 0.5;
 
 // Runs until the daemon goes. Returns the exit status.

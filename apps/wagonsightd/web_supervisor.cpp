@@ -75,8 +75,12 @@ std::string ending_text(int status) {
 
 }  // namespace
 
-WebSupervisor::WebSupervisor(int block_fd, int listening_fd, const AccessRules& access, Tell tell)
-    : block_fd_(block_fd), listening_fd_(listening_fd), tell_(std::move(tell)) {
+WebSupervisor::WebSupervisor(int block_fd, int listening_fd, const AccessRules& access, Tell tell,
+                             Obey obey)
+    : block_fd_(block_fd),
+      listening_fd_(listening_fd),
+      tell_(std::move(tell)),
+      obey_(std::move(obey)) {
   greeting_.daemon_pid = getpid();
   greeting_.access = access;
 }
@@ -119,14 +123,28 @@ Result<void> WebSupervisor::start(double now_s) {
       static_cast<ssize_t>(sizeof greeting_))
     tell_("The web side did not take its greeting.");
   killed_ = false;
+  message_size_ = 0;
   started_s_ = heard_s_ = now_s;
   return {};
 }
 
 void WebSupervisor::hear(double now_s) {
-  std::array<char, 64> beats{};
-  ssize_t size = 0;
-  while ((size = recv(link_fd_, beats.data(), beats.size(), MSG_DONTWAIT)) > 0) heard_s_ = now_s;
+  // A few messages a turn: who floods the link is not listened to for longer.
+  for (int turn = 0; turn < 64; ++turn) {
+    const ssize_t size = recv(link_fd_, message_.data() + message_size_,
+                              message_.size() - message_size_, MSG_DONTWAIT);
+    if (size <= 0) return;
+    heard_s_ = now_s;
+    message_size_ += static_cast<std::size_t>(size);
+    if (message_size_ < message_.size()) continue;
+    message_size_ = 0;
+    WebMessage message;
+    std::memcpy(&message, message_.data(), sizeof message);
+    const auto kind = static_cast<UnitCommand::Kind>(message.kind);
+    const bool is_known =
+        kind == UnitCommand::Kind::kStartRecording || kind == UnitCommand::Kind::kStopRecording;
+    if (is_known && obey_) obey_({kind, message.minutes});
+  }
 }
 
 void WebSupervisor::reap(double now_s) {

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
 
 #include "base/result.h"
+#include "status/http.h"
 #include "web_side.h"
 
 namespace wagonsight {
@@ -22,8 +25,13 @@ class WebSupervisor {
   // Says what happened, for the log. A sentence.
   using Tell = std::function<void(std::string_view)>;
 
+  // Does what the web side was asked for by somebody who may. The web side is not trusted: whoever
+  // obeys bounds what it may do.
+  using Obey = std::function<void(const UnitCommand&)>;
+
   // The descriptors stay the caller's and must outlive the supervisor.
-  WebSupervisor(int block_fd, int listening_fd, const AccessRules& access, Tell tell);
+  WebSupervisor(int block_fd, int listening_fd, const AccessRules& access, Tell tell,
+                Obey obey = {});
   ~WebSupervisor();  // ends the web side
   WebSupervisor(const WebSupervisor&) = delete;
   WebSupervisor& operator=(const WebSupervisor&) = delete;
@@ -45,6 +53,9 @@ class WebSupervisor {
   int block_fd_, listening_fd_;
   WebGreeting greeting_;
   Tell tell_;
+  Obey obey_;
+  std::array<std::byte, sizeof(WebMessage)> message_{};  // as far as it has come
+  std::size_t message_size_ = 0;
   int pid_ = -1;
   int link_fd_ = -1;
   bool killed_ = false;

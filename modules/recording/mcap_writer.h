@@ -48,6 +48,8 @@ class McapWriter {
                    std::initializer_list<std::span<const std::byte>> parts);
   // Messages since the last call belong together: a chunk is only closed here, never within.
   Result<void> end_group();
+  // Closes the chunk that is open, however small it is.
+  Result<void> flush() { return close_chunk(); }
 
   Result<void> add_attachment(const McapAttachment& attachment);
   Result<void> add_metadata(const McapMetadata& metadata);

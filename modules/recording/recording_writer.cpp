@@ -95,7 +95,20 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(ByteSink& sink,
   for (const RigSensor& sensor : rig.sensors)
     if (auto done = writer->add_sensor(sensor, *schemas); !done)
       return tl::unexpected(done.error());
+  if (options.has_vehicle)
+    if (auto done = writer->add_vehicle(); !done) return tl::unexpected(done.error());
   return writer;
+}
+
+Result<void> RecordingWriter::add_vehicle() {
+  const RosSchema& schema = vehicle_state_schema();
+  const auto id = mcap_->add_schema(schema.name, "ros2msg", schema.text);
+  if (!id) return tl::unexpected(id.error());
+  const auto channel =
+      mcap_->add_channel(*id, "/vehicle/state", "cdr", {{"offered_qos_profiles", ""}});
+  if (!channel) return tl::unexpected(channel.error());
+  vehicle_ = *channel;
+  return {};
 }
 
 Result<RecordingWriter::SchemaIds> RecordingWriter::add_schemas() {
@@ -177,6 +190,18 @@ void RecordingWriter::write_image(const FrameSlot& slot, std::size_t image_index
   encode_camera_info(info, scratch_);
   message.channel_id = stream.camera_info;
   mcap_->add_message(message, {scratch_.bytes()});
+}
+
+Result<void> RecordingWriter::write(const VehicleStateMessage& state) {
+  WS_CHECK(vehicle_.has_value(), "no channel for the vehicle among %zu sensors", sensors_.size());
+  scratch_.clear();
+  encode_vehicle_state(state, scratch_);
+  mcap_->add_message({.channel_id = *vehicle_,
+                      .log_time = unsigned_ns(state.stamp),
+                      .publish_time = unsigned_ns(state.stamp),
+                      .data = {}},
+                     {scratch_.bytes()});
+  return mcap_->end_group();
 }
 
 Result<void> RecordingWriter::write(const FrameSlot& slot) {

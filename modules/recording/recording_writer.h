@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,6 +31,7 @@ struct RecordingOptions {
   std::vector<McapAttachment> attachments;
   // The zero of "seconds since the recording's start".
   HostTime start{};
+  bool has_vehicle = false;  // there will be signals of the train
 };
 
 // Writes frames of a rig as a ROS 2 recording: per Kinect /NAME/depth/image_raw (16UC1, plain
@@ -43,6 +45,10 @@ class RecordingWriter {
 
   // The slot's sensor_index is one of the rig; its size and format are those of that sensor.
   Result<void> write(const FrameSlot& slot);
+  // What the train said, at /vehicle/state; of a recording that was told to expect it.
+  Result<void> write(const VehicleStateMessage& state);
+  // What was written reaches the sink now; frames that come seldom would wait for the next one.
+  Result<void> flush() { return mcap_->flush(); }
   Result<void> finish() { return mcap_->finish(); }
 
   std::uint64_t frame_count() const { return frame_count_; }
@@ -63,6 +69,7 @@ class RecordingWriter {
 
   RecordingWriter(std::unique_ptr<McapWriter> mcap, const Rig& rig);
   Result<SchemaIds> add_schemas();
+  Result<void> add_vehicle();
   Result<void> add_sensor(const RigSensor& sensor, const SchemaIds& schemas);
   Result<Stream> add_stream(const RigSensor& sensor, std::string_view stream,
                             const SchemaIds& schemas);
@@ -71,6 +78,7 @@ class RecordingWriter {
   std::unique_ptr<McapWriter> mcap_;
   Rig rig_;
   std::vector<SensorChannels> sensors_;
+  std::optional<std::uint16_t> vehicle_;  // channel
   ByteWriter scratch_;
   std::uint64_t frame_count_ = 0;
 };

@@ -50,6 +50,8 @@ void append_header(CdrWriter& cdr, HostTime stamp, std::string_view frame_id) {
 constexpr std::string_view kPlumbBob = "plumb_bob";  // k1, k2, p1, p2, k3
 constexpr std::size_t kCoefficientsMax = 64;         // of any model; above is a damaged message
 
+constexpr std::uint32_t kVehicleDoorsMax = 256;  // above is a damaged message
+
 }  // namespace
 
 const RosSchema& image_schema() {
@@ -96,6 +98,20 @@ const RosSchema& frame_info_schema() {
                                 "uint32 sequence                  # the device's frame counter\n"
                                 "bool damaged                     # packets were "
                                 "lost\n" WS_HEADER_TYPES};
+  return schema;
+}
+
+const RosSchema& vehicle_state_schema() {
+  static const RosSchema schema{"wagonsight_msgs/msg/VehicleState",
+                                "# What the train said of itself when it last changed.\n"
+                                "std_msgs/Header header\n"
+                                "bool has_speed\n"
+                                "float64 speed        # metres a second\n"
+                                "bool has_stop\n"
+                                "string stop          # where it stands; empty: between stops\n"
+                                "string[] door_names\n"
+                                "uint8[] door_states  # 0 unknown, 1 closed, "
+                                "2 open\n" WS_HEADER_TYPES};
   return schema;
 }
 
@@ -205,6 +221,38 @@ std::optional<FrameInfoMessage> decode_frame_info(std::span<const std::byte> mes
   info.damaged = cdr.number<std::uint8_t>() != 0;
   if (!cdr.ok()) return std::nullopt;
   return info;
+}
+
+void encode_vehicle_state(const VehicleStateMessage& state, ByteWriter& out) {
+  CdrWriter cdr(out);
+  append_header(cdr, state.stamp, "vehicle");
+  cdr.number(static_cast<std::uint8_t>(state.has_speed ? 1 : 0));
+  cdr.number(state.speed);
+  cdr.number(static_cast<std::uint8_t>(state.has_stop ? 1 : 0));
+  cdr.text(state.stop);
+  cdr.number(static_cast<std::uint32_t>(state.doors.size()));
+  for (const auto& door : state.doors) cdr.text(door.name);
+  cdr.number(static_cast<std::uint32_t>(state.doors.size()));
+  for (const auto& door : state.doors) cdr.number(door.state);
+}
+
+std::optional<VehicleStateMessage> decode_vehicle_state(std::span<const std::byte> message) {
+  CdrReader cdr(message);
+  VehicleStateMessage state;
+  state.stamp = read_time(cdr);
+  cdr.text();
+  state.has_speed = cdr.number<std::uint8_t>() != 0;
+  state.speed = cdr.number<double>();
+  state.has_stop = cdr.number<std::uint8_t>() != 0;
+  state.stop = cdr.text();
+  const auto names = cdr.number<std::uint32_t>();
+  if (!cdr.ok() || names > kVehicleDoorsMax) return std::nullopt;
+  state.doors.resize(names);
+  for (auto& door : state.doors) door.name = cdr.text();
+  if (cdr.number<std::uint32_t>() != names) return std::nullopt;
+  for (auto& door : state.doors) door.state = cdr.number<std::uint8_t>();
+  if (!cdr.ok()) return std::nullopt;
+  return state;
 }
 
 }  // namespace wagonsight

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/time.h"
 #include "geometry/camera.h"
@@ -25,6 +27,7 @@ struct RosSchema {
 const RosSchema& image_schema();
 const RosSchema& camera_info_schema();
 const RosSchema& frame_info_schema();
+const RosSchema& vehicle_state_schema();
 
 // sensor_msgs/msg/Image. `data` is encoded apart: it follows the encoded header directly.
 struct ImageMessage {
@@ -67,6 +70,24 @@ struct FrameInfoMessage {
   std::uint32_t sequence = 0;
   bool damaged = false;
 };
+
+// wagonsight_msgs/msg/VehicleState: what the train said of itself.
+struct VehicleStateMessage {
+  static constexpr std::uint8_t kUnknown = 0, kClosed = 1, kOpen = 2;
+  struct Door {
+    std::string name;
+    std::uint8_t state = kUnknown;
+  };
+  HostTime stamp{};
+  bool has_speed = false;
+  double speed = 0;  // m/s
+  bool has_stop = false;
+  std::string stop;  // where it stands; empty: between stops
+  std::vector<Door> doors;
+};
+
+void encode_vehicle_state(const VehicleStateMessage& state, ByteWriter& out);
+std::optional<VehicleStateMessage> decode_vehicle_state(std::span<const std::byte> message);
 
 void encode_frame_info(const FrameInfoMessage& info, ByteWriter& out);
 std::optional<FrameInfoMessage> decode_frame_info(std::span<const std::byte> message);

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::size_t kPathBytesMax = 1000;
 constexpr std::size_t kDeviceBytesMax = 64;
+constexpr std::size_t kSocketBytesMax = 107;  // what the system takes
 constexpr std::size_t kTokenBytesMin = 16, kTokenBytesMax = 128;
 
 // Relative paths start at the folder of the settings file.
@@ -156,6 +157,30 @@ void read_web(const toml::table& table, Mistakes& mistakes, WebSettings& web) {
   reader.finish();
 }
 
+void read_recording(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
+                    RecordingSettings& recording) {
+  TableReader reader(table, "recording", mistakes);
+  reader.require("folder", "recordings need a folder");
+  reader.text("folder", recording.folder, kPathBytesMax);
+  recording.folder = resolved(recording.folder, file_name);
+  reader.boolean("at_start", recording.at_start);
+  reader.number("minutes", recording.minutes, 1, 10'080);
+  reader.number("file_minutes", recording.file_minutes, 0.1, 1440);
+  reader.number("memory_mb", recording.memory_mb, 8, 1024);
+  reader.number("free_mb_min", recording.free_mb_min, 16, 1e7);
+  reader.finish();
+}
+
+void read_vehicle(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
+                  VehicleSettings& vehicle) {
+  TableReader reader(table, "vehicle", mistakes);
+  reader.require("socket", "the train's signals come by a local socket");
+  reader.text("socket", vehicle.socket, kSocketBytesMax);
+  vehicle.socket = resolved(vehicle.socket, file_name);
+  reader.number("silence_s", vehicle.silence_s, 0.5, 3600);
+  reader.finish();
+}
+
 void read_demo(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
                DemoSettings& demo) {
   TableReader reader(table, "demo", mistakes);
@@ -190,6 +215,10 @@ Settings read_all(const toml::table& file, std::string_view file_name, Mistakes&
   read_sensors(root, file_name, mistakes, settings.sensors);
   if (const auto* rig = root.table("rig")) read_rig(*rig, file_name, mistakes, settings.rig);
   if (const auto* web = root.table("web")) read_web(*web, mistakes, settings.web);
+  if (const auto* recording = root.table("recording"))
+    read_recording(*recording, file_name, mistakes, settings.recording);
+  if (const auto* vehicle = root.table("vehicle"))
+    read_vehicle(*vehicle, file_name, mistakes, settings.vehicle);
   if (const auto* demo = root.table("demo")) read_demo(*demo, file_name, mistakes, settings.demo);
   check_together(root, settings);
   root.finish();

@@ -68,6 +68,22 @@ struct WebSettings {
   bool on_loopback() const;
 };
 
+// The recording of everything that the sensors see, for the depot. Off unless it is asked for.
+struct RecordingSettings {
+  std::string folder;         // empty: this unit cannot record
+  bool at_start = false;      // one begins with the daemon
+  double minutes = 60;        // it ends by itself after so long, and none may be asked for longer
+  double file_minutes = 10;   // of each file
+  double memory_mb = 64;      // of frames that wait for the disk, while it records
+  double free_mb_min = 1024;  // is left on the disk; below, the recording ends
+};
+
+// The train's own signals; see platform/vehicle.
+struct VehicleSettings {
+  std::string socket;     // the path of the socket it tells them at; empty: none
+  double silence_s = 10;  // a signal that was not repeated for so long is unknown again
+};
+
 struct DemoSettings {
   std::string scene;  // of the simulated wagon; empty: no sensor is simulated
   std::uint64_t seed = 1;
@@ -82,6 +98,8 @@ struct Settings {
   std::vector<SensorSettings> sensors;  // none, but a scene: all of the scene's, simulated
   RigSettings rig;
   WebSettings web;
+  RecordingSettings recording;
+  VehicleSettings vehicle;
   DemoSettings demo;
 };
 

@@ -195,6 +195,18 @@ std::string_view to_text(Occupied state) {
   return "unobserved";
 }
 
+std::string_view to_text(RecordingState state) {
+  switch (state) {
+    case RecordingState::kOff:
+      return "off";
+    case RecordingState::kOn:
+      return "on";
+    case RecordingState::kNoDisk:
+      break;
+  }
+  return "no disk";
+}
+
 std::string_view to_text(SensorState state) {
   switch (state) {
     case SensorState::kStarting:

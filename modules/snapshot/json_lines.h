@@ -25,9 +25,10 @@ void append_event(const Event& event, std::string& out);
 // are cut. Allocates.
 Result<PeopleFrame> parse_people_line(std::string_view line);
 
-std::string_view to_text(Posture posture);    // "standing", "sitting", "lying", "unknown"
-std::string_view to_text(EventKind kind);     // "fall", "motionless", ...
-std::string_view to_text(Occupied state);     // "free", "occupied", "unobserved"
-std::string_view to_text(SensorState state);  // "starting", "learning", "ok", "degraded", "lost"
+std::string_view to_text(Posture posture);       // "standing", "sitting", "lying", "unknown"
+std::string_view to_text(EventKind kind);        // "fall", "motionless", ...
+std::string_view to_text(Occupied state);        // "free", "occupied", "unobserved"
+std::string_view to_text(RecordingState state);  // "off", "on", "no disk"
+std::string_view to_text(SensorState state);     // "starting", "learning", "ok", "degraded", "lost"
 
 }  // namespace wagonsight

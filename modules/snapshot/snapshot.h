@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <type_traits>
@@ -144,12 +145,25 @@ struct StageTiming {
 };
 inline constexpr std::size_t kStagesMax = 16;
 
+enum class DoorState : std::uint8_t { kUnknown, kClosed, kOpen };
+
 // Signals of the train, when it has any.
 struct VehicleState {
-  bool has_speed = false, has_doors = false;
-  double speed = 0;  // m/s
-  FixedVector<bool, kDoorsMax> doors_open;
+  bool is_listening = false;  // the settings name an input
+  bool has_speed = false, has_stop = false;
+  double speed = 0;                         // m/s
+  Name stop;                                // where it stands; empty: between stops
+  FixedVector<DoorState, kDoorsMax> doors;  // of the wagon, in its order
+  std::uint64_t lines = 0, bad_lines = 0, refused_connections = 0;
+  FixedString<120> last_bad;  // the last line that was refused, and why
 };
+// Whether the train's signals are the same, whatever was counted.
+inline bool says_the_same(const VehicleState& a, const VehicleState& b) {
+  const bool same_doors = a.doors.size() == b.doors.size() &&
+                          std::equal(a.doors.begin(), a.doors.end(), b.doors.begin());
+  return a.has_speed == b.has_speed && a.has_stop == b.has_stop &&
+         (!a.has_speed || a.speed == b.speed) && (!a.has_stop || a.stop == b.stop) && same_doors;
+}
 
 struct CalibrationStatus {
   bool present = false;
@@ -159,6 +173,19 @@ struct CalibrationStatus {
   double georeference_sigma_m = 0;
   bool drift_alarm = false;
   FixedString<160> drift_text;
+};
+
+enum class RecordingState : std::uint8_t { kOff, kOn, kNoDisk };
+
+// The recording of what the sensors see, for the depot.
+struct RecordingStatus {
+  RecordingState state = RecordingState::kOff;
+  double ends_in_s = 0;       // while it is on
+  std::uint64_t frames = 0;   // of this recording, or the last one; on the disk
+  std::uint64_t dropped = 0;  // that the disk was too slow or too full for
+  std::uint64_t bytes = 0;
+  std::uint32_t files = 0;
+  FixedString<160> trouble;  // why there is no disk, or why it ended early: a sentence
 };
 
 // All that the web side and the bridge may know. One writer (control), many readers.
@@ -183,7 +210,7 @@ struct Snapshot {
   std::uint64_t resident_bytes = 0;
   std::uint32_t slots_in_use = 0, slots_high_water = 0, slots_capacity = 0;  // of the FramePool
   std::uint32_t web_restarts = 0;
-  bool recording = false;
+  RecordingStatus recording;
   bool learning = false;  // the background is not known yet
 };
 static_assert(std::is_trivially_copyable_v<Snapshot>, "a Snapshot lives in shared memory");

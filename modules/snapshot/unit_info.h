@@ -67,6 +67,7 @@ struct UnitInfo {
   LastCrash last_crash;
   double started_unix = 0;           // 0: the clock was not synchronised then
   std::uint64_t resident_limit = 0;  // bytes the daemon is meant to stay below; 0: none stated
+  std::uint16_t recording_minutes_max = 0;  // 0: it cannot record
   Plan plan;
   FixedString<16'384> settings;  // the settings file, its secrets removed
 };

@@ -106,6 +106,41 @@ Json sensors(const Snapshot& snapshot) {
   return {{"sensors", std::move(list)}};
 }
 
+Json recording(const Snapshot& snapshot) {
+  const RecordingStatus& r = snapshot.recording;
+  const bool is_on = r.state != RecordingState::kOff;
+  Json out;
+  out["state"] = text(to_text(r.state));
+  out["ends_in_s"] = is_on ? number(r.ends_in_s, 1) : Json(nullptr);
+  out["frames"] = r.frames;
+  out["dropped"] = r.dropped;
+  out["bytes"] = r.bytes;
+  out["files"] = r.files;
+  out["trouble"] = r.trouble.empty() ? Json(nullptr) : text(r.trouble);
+  return out;
+}
+
+Json vehicle(const Snapshot& snapshot, const UnitInfo& unit) {
+  const VehicleState& v = snapshot.vehicle;
+  Json doors = Json::array();
+  for (std::size_t i = 0; i < std::min(v.doors.size(), unit.plan.doors.size()); ++i)
+    doors.push_back({{"name", text(unit.plan.doors[i].name)},
+                     {"state", v.doors[i] == DoorState::kOpen     ? "open"
+                               : v.doors[i] == DoorState::kClosed ? "closed"
+                                                                  : "unknown"}});
+  Json out;
+  out["present"] = v.is_listening;
+  out["speed"] = v.has_speed ? number(v.speed, 2) : Json(nullptr);
+  out["at_stop"] = v.has_stop ? Json(!v.stop.empty()) : Json(nullptr);
+  out["stop"] = v.has_stop && !v.stop.empty() ? text(v.stop) : Json(nullptr);
+  out["doors"] = std::move(doors);
+  out["lines"] = v.lines;
+  out["bad_lines"] = v.bad_lines;
+  out["refused_connections"] = v.refused_connections;
+  out["last_bad"] = v.last_bad.empty() ? Json(nullptr) : text(v.last_bad);
+  return out;
+}
+
 Json pipeline(const Snapshot& snapshot) {
   Json stages = Json::array();
   for (const StageTiming& stage : snapshot.stages)
@@ -129,7 +164,7 @@ Json pipeline(const Snapshot& snapshot) {
   out["slots_capacity"] = snapshot.slots_capacity;
   out["web_restarts"] = snapshot.web_restarts;
   out["learning"] = snapshot.learning;
-  out["recording"] = snapshot.recording;
+  out["recording"] = recording(snapshot);
   out["stages"] = std::move(stages);
   return out;
 }

@@ -15,6 +15,8 @@ std::string text_of(const Json& value);
 
 Json health(const StatusInput& input, const Health& health);
 Json sensors(const Snapshot& snapshot);
+Json recording(const Snapshot& snapshot);
+Json vehicle(const Snapshot& snapshot, const UnitInfo& unit);
 Json pipeline(const Snapshot& snapshot);
 Json calibration(const Snapshot& snapshot);
 Json occupancy(const Snapshot& snapshot);  // counts, never a person

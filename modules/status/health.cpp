@@ -196,6 +196,30 @@ void judge_pipeline(Assessment& out, const Snapshot& snapshot, const HealthLimit
   out.check("background", !snapshot.learning, snapshot.learning ? "learning" : "known");
 }
 
+// Whoever is in the wagon has a right to know; the tracking does not suffer by it.
+void judge_recording(Assessment& out, const Snapshot& snapshot) {
+  const RecordingStatus& recording = snapshot.recording;
+  const std::string trouble(recording.trouble.view());
+  if (recording.state == RecordingState::kOn)
+    out.fault("recording", "", Verdict::kOk,
+              fmt::format("Everything that the sensors see is being recorded, for {} more.",
+                          duration_text(recording.ends_in_s)),
+              "Nothing; it ends by itself, or sooner by DELETE /api/v1/recording.");
+  if (recording.state == RecordingState::kNoDisk)
+    out.fault("recording_failed", "", Verdict::kOk,
+              fmt::format("A recording is on, but cannot be written: {}", trouble),
+              "Check the disk; it is tried again every second, and the tracking goes on.");
+  if (recording.state == RecordingState::kOff && !trouble.empty())
+    out.fault("recording_ended", "", Verdict::kOk,
+              fmt::format("The last recording did not last its time. {}", trouble),
+              "Take the recordings away, then start another.");
+  if (recording.dropped > 0)
+    out.fault("recording_drops", "", Verdict::kOk,
+              fmt::format("The recording lacks {} frames for which the disk was too slow.",
+                          recording.dropped),
+              "Record to a faster disk, or fewer sensors.");
+}
+
 void judge_calibration(Assessment& out, const Snapshot& snapshot) {
   const CalibrationStatus& calibration = snapshot.calibration;
   if (!calibration.present)
@@ -292,6 +316,7 @@ Health assess(const StatusInput& input, const HealthLimits& limits) {
   if (input.snapshot != nullptr && !input.unit->safe_mode) {
     judge_sensors(out, *input.snapshot, limits);
     judge_pipeline(out, *input.snapshot, limits);
+    judge_recording(out, *input.snapshot);
     judge_calibration(out, *input.snapshot);
     judge_unit(out, *input.snapshot, *input.unit);
   }

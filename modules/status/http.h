@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,11 +24,20 @@ struct HttpRequest {
   }
 };
 
+// A write. Flat: it crosses from the web side to the daemon.
+struct UnitCommand {
+  enum class Kind : std::uint8_t { kStartRecording = 1, kStopRecording = 2 };
+  Kind kind = Kind::kStopRecording;
+  std::uint16_t minutes = 0;  // of a recording
+};
+
 struct HttpAnswer {
   int status = 200;
   std::string content_type = "application/json";
   std::string body;
   std::vector<std::pair<std::string, std::string>> headers;
+  // What the daemon is asked to do, by one who may.
+  std::optional<UnitCommand> command;
   bool stream = false;  // the body is the beginning of a stream of server-sent events
 };
 

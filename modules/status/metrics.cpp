@@ -185,7 +185,11 @@ void tell_pipeline(MetricsText& out, const Snapshot& snapshot) {
     out.sample(stage.p99_ms * 1e-3, {{"stage", stage.name.view()}, {"quantile", "0.99"}});
   }
   out.gauge("learning", "1 while the background is not known.", snapshot.learning ? 1 : 0);
-  out.gauge("recording", "1 while a recording is written.", snapshot.recording ? 1 : 0);
+  const RecordingStatus& recording = snapshot.recording;
+  out.gauge("recording", "1 while a recording is written.",
+            recording.state == RecordingState::kOff ? 0 : 1);
+  out.gauge("recording_dropped_frames", "Frames of this recording, or the last, that were dropped.",
+            static_cast<double>(recording.dropped));
 }
 
 void tell_unit(MetricsText& out, const Snapshot& snapshot) {

@@ -4,6 +4,7 @@
 #include <sodium.h>
 
 #include <array>
+#include <charconv>
 #include <optional>
 #include <span>
 
@@ -190,6 +191,38 @@ struct StatusSite::State {
     return answer;
   }
 
+  HttpAnswer recording(const HttpRequest&, const StatusInput& input) const {
+    return json_answer(answers::recording(*input.snapshot));
+  }
+  HttpAnswer vehicle(const HttpRequest&, const StatusInput& input) const {
+    return json_answer(answers::vehicle(*input.snapshot, *input.unit));
+  }
+  HttpAnswer start_recording(const HttpRequest& request, const StatusInput& input) const {
+    if (input.unit->recording_minutes_max == 0)
+      return error_answer(409, "This unit has no folder for recordings; set recording.folder.");
+    unsigned minutes = 0;
+    const std::string_view wanted = request.query();
+    constexpr std::string_view kKey = "minutes=";
+    const char* end = wanted.data() + wanted.size();
+    const auto read = wanted.starts_with(kKey)
+                          ? std::from_chars(wanted.data() + kKey.size(), end, minutes)
+                          : std::from_chars_result{wanted.data(), std::errc::invalid_argument};
+    if (read.ec != std::errc{} || read.ptr != end || minutes < 1 ||
+        minutes > input.unit->recording_minutes_max)
+      return error_answer(400, fmt::format("Say for how long: ?minutes=N, from 1 to {}.",
+                                           input.unit->recording_minutes_max));
+    return accepted({UnitCommand::Kind::kStartRecording, static_cast<std::uint16_t>(minutes)});
+  }
+  HttpAnswer stop_recording(const HttpRequest&, const StatusInput&) const {
+    return accepted({UnitCommand::Kind::kStopRecording, 0});
+  }
+  static HttpAnswer accepted(const UnitCommand& command) {
+    HttpAnswer answer = json_answer({{"accepted", true}});
+    answer.status = 202;
+    answer.command = command;
+    return answer;
+  }
+
   static std::string people_block(const Snapshot& snapshot) {
     std::string line;
     append_people_line(snapshot.frame, true, line);
@@ -236,6 +269,10 @@ std::span<const StatusSite::State::Route> StatusSite::State::routes() {
       Route{"/api/v1/events", Scope::kRead, &S::events},
       Route{"/api/v1/log", Scope::kRead, &S::log},
       Route{"/api/v1/diagnostics.zip", Scope::kRead, &S::diagnostics},
+      Route{"/api/v1/vehicle", Scope::kNone, &S::vehicle, true},
+      Route{"/api/v1/recording", Scope::kNone, &S::recording, true},
+      Route{"/api/v1/recording", Scope::kAdmin, &S::start_recording, true, "POST"},
+      Route{"/api/v1/recording", Scope::kAdmin, &S::stop_recording, true, "DELETE"},
       Route{"/api/v1/session", Scope::kNone, &S::session},
       Route{"/api/v1/session", Scope::kNone, &S::login, false, "POST"},
   };

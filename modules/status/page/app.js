@@ -260,6 +260,16 @@
     showEvents(f);
   }
 
+  // Whoever stands before the page is to know that images are kept.
+  function showRecording(r) {
+    const on = r && r.state !== 'off';
+    $('recording').hidden = !on;
+    if (!on) return;
+    put('recording', r.state === 'on'
+      ? `Recording everything the sensors see, for ${duration(r.ends_in_s)} more`
+      : 'A recording is on, but cannot be written');
+  }
+
   function onState(s) {
     state = s;
     showHealth(s.health);
@@ -268,6 +278,7 @@
     if (s.occupancy) showOccupancy(s.occupancy);
     if (s.sensors) showSensors(s.sensors);
     if (s.pipeline) showPipeline(s.pipeline);
+    showRecording(s.pipeline && s.pipeline.recording);
     if (s.calibration) showCalibration(s.calibration);
     view.setState(s);
     describePlan();

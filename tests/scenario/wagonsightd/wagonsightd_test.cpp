@@ -16,13 +16,17 @@
 #include <atomic>
 #include <csignal>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <memory>
+#include <random>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "linux/clocks.h"
+#include "recording/recording_reader.h"
 #include "shared_block.h"
 
 namespace wagonsight {
@@ -149,6 +153,28 @@ const SharedBlock* find_block(pid_t pid) {
   return block;
 }
 
+struct Frames {
+  std::uint64_t count = 0;
+  HostTime newest{};
+};
+Frames frames_of(const std::filesystem::path& path) {
+  Frames frames;
+  const std::string text = read_text(path.string());
+  auto reader = RecordingReader::open(std::as_bytes(std::span(text)), DamagePolicy::kStop);
+  EXPECT_TRUE(reader.has_value());
+  if (!reader) return frames;
+  std::vector<std::byte> memory((*reader)->slot_bytes());
+  FrameSlot slot;
+  slot.bytes = memory;
+  while (true) {
+    const auto more = (*reader)->next(slot);
+    EXPECT_TRUE(more.has_value()) << more.error().message;
+    if (!more || !*more) return frames;
+    ++frames.count;
+    frames.newest = std::max(frames.newest, slot.arrival);
+  }
+}
+
 class Daemon : public testing::Test {
  protected:
   void SetUp() override {
@@ -183,10 +209,12 @@ class Daemon : public testing::Test {
     (void)connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
     return fd;
   }
-  std::string get(const std::string& path) const {
+  std::string get(const std::string& path) const { return ask("GET", path); }
+  std::string ask(const std::string& method, const std::string& path,
+                  const std::string& headers = "") const {
     const int fd = connected();
-    const std::string request =
-        "GET " + path + " HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n";
+    const std::string request = method + " " + path + " HTTP/1.1\r\nHost: 127.0.0.1\r\n" + headers +
+                                "Connection: close\r\n\r\n";
     (void)send(fd, request.data(), request.size(), MSG_NOSIGNAL);
     std::string text;
     char part[4096];
@@ -239,6 +267,75 @@ TEST_F(DaemonWithoutItsKinect, WatchesWithTheOthersAndSaysWhatIsMissing) {
     return health.find("Sensor k1 has never given a frame: ") != std::string::npos;
   }));
   EXPECT_EQ(snapshot_->allocations_sealed, 0U);
+}
+
+// A recording is asked for by the admin, and by nobody else.
+class DaemonForTheDepot : public Daemon {
+ protected:
+  void SetUp() override {
+    folder_ = testing::TempDir() + "wagonsightd_depot_" + std::to_string(getpid());
+    std::filesystem::remove_all(folder_);
+    Daemon::SetUp();
+  }
+  void TearDown() override {
+    Daemon::TearDown();
+    std::filesystem::remove_all(folder_);
+  }
+  std::string more_settings() const override {
+    return "[web.tokens]\nread = \"reads-and-no-more\"\nadmin = \"may-do-everything\"\n"
+           "[recording]\nfolder = \"" +
+           folder_ + "/a/b\"\nminutes = 5\nfree_mb_min = 16\n";
+  }
+  RecordingState recording() {
+    framesets();
+    return snapshot_->recording.state;
+  }
+  static inline const std::string kAdmin = "Authorization: Bearer may-do-everything\r\n";
+  static inline const std::string kReader = "Authorization: Bearer reads-and-no-more\r\n";
+  std::string folder_;
+};
+
+TEST_F(DaemonForTheDepot, RecordsWhenTheAdminAsksAndSaysSo) {
+  EXPECT_EQ(recording(), RecordingState::kOff);
+  EXPECT_THAT(ask("POST", "/api/v1/recording?minutes=1"), HasSubstr(" 401 "));
+  EXPECT_THAT(ask("POST", "/api/v1/recording?minutes=1", kReader), HasSubstr(" 403 "));
+  EXPECT_THAT(ask("POST", "/api/v1/recording?minutes=6", kAdmin), HasSubstr(" 400 "));
+  EXPECT_THAT(ask("POST", "/api/v1/recording?minutes=1", kAdmin), HasSubstr(" 202 "));
+  ASSERT_TRUE(comes_true([&] { return recording() == RecordingState::kOn; }));
+  EXPECT_LE(snapshot_->recording.ends_in_s, 60.0);
+  EXPECT_THAT(get("/api/v1/health"), HasSubstr("\"recording\""));
+  ASSERT_TRUE(comes_true([&] {
+    framesets();
+    return snapshot_->recording.frames > 20;
+  }));
+  EXPECT_EQ(snapshot_->allocations_sealed, 0U);
+  EXPECT_THAT(ask("DELETE", "/api/v1/recording", kAdmin), HasSubstr(" 202 "));
+  ASSERT_TRUE(comes_true([&] { return recording() == RecordingState::kOff; }));
+  const std::uint64_t frames = snapshot_->recording.frames;
+  std::uint64_t read = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_ + "/a/b"))
+    read += frames_of(entry.path()).count;
+  EXPECT_EQ(read, frames);
+}
+
+TEST_F(DaemonForTheDepot, LosesAtMostTheLastSecondWhenItIsKilled) {
+  ASSERT_THAT(ask("POST", "/api/v1/recording?minutes=1", kAdmin), HasSubstr(" 202 "));
+  ASSERT_TRUE(comes_true([&] {
+    framesets();
+    return snapshot_->recording.frames > 20;
+  }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(std::random_device{}() % 1000));
+  framesets();
+  const bool keeps_up = snapshot_->recording.dropped == 0;
+  const HostTime killed = host_now();
+  ASSERT_EQ(kill(program_->pid(), SIGKILL), 0);
+  program_->finish();
+  const auto& files = std::filesystem::directory_iterator(folder_ + "/a/b");
+  const Frames last = frames_of(files->path());
+  EXPECT_GT(last.count, 20U);
+  if (keeps_up) {
+    EXPECT_LE(to_seconds(killed - last.newest), 1.0);
+  }
 }
 
 TEST_F(Daemon, WorksOnWhileItsWebSideIsKilledAndBringsItBack) {

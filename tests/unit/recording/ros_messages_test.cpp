@@ -34,6 +34,35 @@ RC_GTEST_PROP(FrameInfoMessage, ComesBackAsItWas, ()) {
   RC_ASSERT(back->damaged == info.damaged);
 }
 
+RC_GTEST_PROP(VehicleStateMessage, ComesBackAsItWas, ()) {
+  VehicleStateMessage state;
+  state.stamp = HostTime{Duration{*rc::gen::inRange<std::int64_t>(0, 1'000'000'000'000)}};
+  state.has_speed = *rc::gen::arbitrary<bool>();
+  state.speed = *rc::gen::inRange(0, 200'000) * 1e-3;
+  state.has_stop = *rc::gen::arbitrary<bool>();
+  state.stop = *rc::gen::container<std::string>(rc::gen::inRange('a', 'z'));
+  const int doors = *rc::gen::inRange(0, 9);
+  for (int i = 0; i < doors; ++i)
+    state.doors.push_back({*rc::gen::container<std::string>(rc::gen::inRange('a', 'z')),
+                           static_cast<std::uint8_t>(i % 3)});
+  ByteWriter out;
+  encode_vehicle_state(state, out);
+  const auto back = decode_vehicle_state(out.bytes());
+  RC_ASSERT(back.has_value());
+  RC_ASSERT(back->stamp == state.stamp);
+  RC_ASSERT(back->has_speed == state.has_speed);
+  RC_ASSERT(back->speed == state.speed);
+  RC_ASSERT(back->has_stop == state.has_stop);
+  RC_ASSERT(back->stop == state.stop);
+  RC_ASSERT(back->doors.size() == state.doors.size());
+  for (std::size_t i = 0; i < state.doors.size(); ++i) {
+    RC_ASSERT(back->doors[i].name == state.doors[i].name);
+    RC_ASSERT(back->doors[i].state == state.doors[i].state);
+  }
+  for (std::size_t size = 0; size < out.size(); ++size)
+    RC_ASSERT(!decode_vehicle_state(out.bytes().first(size)).has_value());
+}
+
 TEST(CameraInfoMessage, ComesBackAsItWas) {
   CameraInfoMessage info;
   info.frame_id = "k0";

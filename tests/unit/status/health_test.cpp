@@ -43,6 +43,18 @@ TEST(Health, SaysThatAllIsWell) {
   EXPECT_EQ(health.sentence, "2 sensors watch the wagon; 1 person is inside.");
 }
 
+TEST(Health, TellsADriversCauseAndItsAdvice) {
+  SampleStatus sample;
+  SensorStatus& sensor = sample.snapshot->sensors[1];
+  sensor.state = SensorState::kLost;
+  sensor.last_good = sample.snapshot->time - 7;
+  sensor.trouble = "the Kinect was unplugged; check its plug";
+  const Health health = assess(sample.input());
+  ASSERT_EQ(health.faults.size(), 1U);
+  EXPECT_EQ(health.faults[0].cause, "Sensor k1 has been silent for 7 s: the Kinect was unplugged.");
+  EXPECT_EQ(health.faults[0].next_action, "Check its plug.");
+}
+
 struct Broken {
   const char* name;
   void (*breaks)(Snapshot&, UnitInfo&);
@@ -83,6 +95,35 @@ const Broken kBroken[] = {
     {"OneSensorLost",
      [](Snapshot& s, UnitInfo&) { s.sensors[1].state = SensorState::kLost; },
      {"sensor_lost k1"},
+     Verdict::kDegraded,
+     true},
+    {"Recording",
+     [](Snapshot& s, UnitInfo&) { s.recording.state = RecordingState::kOn; },
+     {"recording"},
+     Verdict::kOk,
+     true},
+    {"RecordingWithoutDisk",
+     [](Snapshot& s, UnitInfo&) {
+       s.recording.state = RecordingState::kNoDisk;
+       s.recording.trouble = "depot: No space left on device.";
+       s.recording.dropped = 7;
+     },
+     {"recording_failed", "recording_drops"},
+     Verdict::kOk,
+     true},
+    {"SensorLostWithACause",
+     [](Snapshot& s, UnitInfo&) {
+       s.sensors[1].state = SensorState::kLost;
+       s.sensors[1].trouble = "the Kinect was unplugged; check its plug";
+     },
+     {"sensor_lost k1"},
+     Verdict::kDegraded,
+     true},
+    {"SensorRunsWithARemark",
+     [](Snapshot& s, UnitInfo&) {
+       s.sensors[1].trouble = "another Kinect is on the same USB bus; give each its own controller";
+     },
+     {"sensor_trouble k1"},
      Verdict::kDegraded,
      true},
     {"AllSensorsLost",
