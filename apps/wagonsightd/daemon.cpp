@@ -245,8 +245,8 @@ Result<void> run_daemon(const DaemonOptions& options) {
   const StopSignals signals;  // before any thread
   Vigil vigil(options.state_folder);
   if (!vigil.remark().empty()) fmt::print(stderr, "wagonsightd: {}\n", vigil.remark());
-  const auto done = vigil.is_crash_loop() ? run_safe_mode(options, signals, vigil)
-                                          : run_unit(options, signals, vigil);
+  auto done = vigil.is_crash_loop() ? run_safe_mode(options, signals, vigil)
+                                    : run_unit(options, signals, vigil);
   if (done)
     vigil.ended();
   else

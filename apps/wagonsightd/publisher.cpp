@@ -46,8 +46,7 @@ void UnitLog::say(Severity severity, std::string_view text) {
 }
 
 Publisher::Publisher(const Unit& unit, SharedBlock& block, UnitLog& log, HostTime daemon_start)
-    : unit_(unit),
-      block_(block),
+    : block_(block),
       log_(log),
       daemon_start_(daemon_start),
       snapshot_(std::make_unique<Snapshot>()),

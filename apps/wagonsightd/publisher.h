@@ -55,7 +55,6 @@ class Publisher {
   void log_changes();
   void log_recording();
 
-  const Unit& unit_;
   SharedBlock& block_;
   UnitLog& log_;
   HostTime daemon_start_;

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 #include <sys/socket.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <cstdio>
+#include <ctime>
 #include <memory>
 
 #include "confine.h"

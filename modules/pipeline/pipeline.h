@@ -59,6 +59,8 @@ class Pipeline {
                                                           const Wagon& wagon,
                                                           PipelineOptions& options);
   ~Pipeline();
+  Pipeline(const Pipeline&) = delete;
+  Pipeline& operator=(const Pipeline&) = delete;
 
   // The result stays valid until the next call.
   const PeopleFrame& process(const FrameSet& frames);

@@ -36,6 +36,8 @@ class McapWriter {
   static Result<std::unique_ptr<McapWriter>> create(ByteSink& sink,
                                                     const McapWriterOptions& options);
   ~McapWriter();
+  McapWriter(const McapWriter&) = delete;
+  McapWriter& operator=(const McapWriter&) = delete;
 
   Result<std::uint16_t> add_schema(std::string_view name, std::string_view encoding,
                                    std::string_view data);
