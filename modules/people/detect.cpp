@@ -18,7 +18,6 @@ constexpr double kPartReach = 0.60;
 constexpr double kAdultRadius = 0.3;  // metres: shoulders
 // Longer than anybody with a bag, seen as an even spread of surface.
 constexpr double kOnePersonLength = 0.62;
-constexpr double kPriorReach = 0.7;     // from the middle of a hill to those expected in it
 constexpr double kExpectedApart = 0.2;  // nearer tracks follow one person
 // The heads of people whose heights differ by a head's length are in this band below the highest.
 constexpr float kHeadBand = 0.35F;
