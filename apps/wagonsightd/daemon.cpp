@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "depot_recorder.h"
+#include "drift_watch.h"
 #include "frame_source.h"
 #include "http/server.h"
 #include "linux/clocks.h"
@@ -65,6 +66,9 @@ class Daemon {
         log_(shared_.block(), start),
         pool_(kSlotsPerSensor * unit_->rig.sensors.size() + kSlotsMore, unit_->slot_bytes),
         recorder_(unit_->rig, unit_->slot_bytes, depot_options(unit_->settings)),
+        drift_(unit_->rig, unit_->rays,
+               unit_->blob_file.path.empty() ? std::string() : unit_->blob_file.path + ".static",
+               unit_->blob_sha256),
         tracking_(std::move(unit_->pipeline), unit_->rig, pool_, bell_, start),
         publisher_(*unit_, shared_.block(), log_, start),
         listening_(listening),
@@ -78,6 +82,7 @@ class Daemon {
   }
   ~Daemon() {
     tracking_.stop();
+    drift_.stop();
     for (auto& source : sources_) source->stop();
     close(listening_.fd);
   }
@@ -94,7 +99,8 @@ class Daemon {
       source->start();
       sources.push_back(source.get());
     }
-    tracking_.start(std::move(sources));
+    drift_.start();
+    tracking_.start(std::move(sources), &drift_);
     open_vehicle();
     if (unit_->settings.recording.at_start) record(unit_->settings.recording.minutes);
     publish();
@@ -119,7 +125,7 @@ class Daemon {
  private:
   void publish() {
     hear_vehicle();
-    publisher_.publish(tracking_, sources_, pool_, web_.restarts(), recorder_.status(),
+    publisher_.publish(tracking_, drift_, sources_, pool_, web_.restarts(), recorder_.status(),
                        vehicle_ == nullptr ? VehicleState{} : vehicle_->state());
   }
 
@@ -201,6 +207,7 @@ class Daemon {
   DepotRecorder recorder_;
   std::unique_ptr<VehicleInput> vehicle_;  // nullptr: none
   std::vector<std::unique_ptr<SourceThread>> sources_;
+  DriftWatch drift_;
   Tracking tracking_;
   Publisher publisher_;
   ListeningSocket listening_;

@@ -64,7 +64,7 @@ Publisher::Publisher(const Unit& unit, SharedBlock& block, UnitLog& log, HostTim
   for (const char* name : kStageNames) snapshot_->stages.push_back({name, 0, 0, 0});
 }
 
-void Publisher::publish(const Tracking& tracking,
+void Publisher::publish(const Tracking& tracking, const DriftWatch& drift,
                         const std::vector<std::unique_ptr<SourceThread>>& sources,
                         const FramePool& pool, std::uint32_t web_restarts,
                         const RecordingStatus& recording, const VehicleState& vehicle) {
@@ -90,6 +90,7 @@ void Publisher::publish(const Tracking& tracking,
   tell_rates();
   tell_stages();
   tell_unit(pool);
+  tell_drift(drift);
   log_changes();
   block_.snapshot.store(s);
 }
@@ -188,6 +189,19 @@ void Publisher::tell_rates() {
     s.sensors[i].fps = static_cast<double>(frames) / span_s;
     s.sensors[i].dropped_share = share(lost, frames);
   }
+}
+
+void Publisher::tell_drift(const DriftWatch& drift) {
+  if (!drift.report(drift_)) return;
+  CalibrationStatus& calibration = snapshot_->calibration;
+  if (drift_.notes != told_notes_) log_.say(Severity::kNote, drift_.note.view());
+  if (drift_.alarm != calibration.drift_alarm)
+    log_.say(drift_.alarm ? Severity::kWarning : Severity::kNote,
+             drift_.alarm ? fmt::format("Moved since the calibration: {}", drift_.text.view())
+                          : std::string("The sensors stand again as they were calibrated."));
+  told_notes_ = drift_.notes;
+  calibration.drift_alarm = drift_.alarm;
+  calibration.drift_text = drift_.text;
 }
 
 void Publisher::tell_stages() {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/fixed_vector.h"
+#include "drift_watch.h"
 #include "frame_source.h"
 #include "shared_block.h"
 #include "tracking.h"
@@ -32,8 +33,9 @@ class Publisher {
  public:
   Publisher(const Unit& unit, SharedBlock& block, UnitLog& log, HostTime daemon_start);
 
-  void publish(const Tracking& tracking, const std::vector<std::unique_ptr<SourceThread>>& sources,
-               const FramePool& pool, std::uint32_t web_restarts, const RecordingStatus& recording,
+  void publish(const Tracking& tracking, const DriftWatch& drift,
+               const std::vector<std::unique_ptr<SourceThread>>& sources, const FramePool& pool,
+               std::uint32_t web_restarts, const RecordingStatus& recording,
                const VehicleState& vehicle);
 
  private:
@@ -51,6 +53,7 @@ class Publisher {
   void tell_rates();
   void settle();
   void tell_stages();
+  void tell_drift(const DriftWatch& drift);
   void tell_unit(const FramePool& pool);
   void log_changes();
   void log_recording();
@@ -66,6 +69,8 @@ class Publisher {
   bool told_learning_ = true;
   bool settled_ = false;    // the start is over
   double learned_at_ = -1;  // when the background became known; below zero: not yet
+  DriftReport drift_;
+  std::uint32_t told_notes_ = 0;
   double stages_told_at_ = -1e9;
   RecordingState told_recording_ = RecordingState::kOff;
 };

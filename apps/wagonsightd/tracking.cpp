@@ -45,7 +45,8 @@ Tracking::~Tracking() {
   stop();
 }
 
-void Tracking::start(std::vector<SourceThread*> sources) {
+void Tracking::start(std::vector<SourceThread*> sources, DriftWatch* drift) {
+  drift_ = drift;
   sources_ = std::move(sources);
   thread_ = std::thread([this] { run(); });
 }
@@ -90,6 +91,7 @@ void Tracking::take_frames() {
 void Tracking::process(const FrameSet& set) {
   if (now_->framesets == 0) frame_offset_s_ = to_seconds(set.instant - daemon_start_);
   now_->frame = pipeline_->process(set);
+  if (drift_ != nullptr) drift_->offer(set, now_->frame, pipeline_->learning());
   shift_times(now_->frame);
   tell(set);
 }

@@ -9,6 +9,7 @@
 
 #include "base/seqlock.h"
 #include "capture/frame_set_builder.h"
+#include "drift_watch.h"
 #include "frame_source.h"
 #include "pipeline/pipeline.h"
 #include "snapshot/snapshot.h"
@@ -52,7 +53,8 @@ class Tracking {
   Tracking(const Tracking&) = delete;
   Tracking& operator=(const Tracking&) = delete;
 
-  void start(std::vector<SourceThread*> sources);
+  // `drift` may be nullptr.
+  void start(std::vector<SourceThread*> sources, DriftWatch* drift);
   void stop();
 
   // Any one other thread. False until the first instant.
@@ -78,6 +80,7 @@ class Tracking {
   std::array<HostTime, kSensorsMax> usable_at_{};  // the last image of a stereo camera that was
   double frame_offset_s_ = 0;                      // the pipeline counts from its first instant
   std::vector<SourceThread*> sources_;
+  DriftWatch* drift_ = nullptr;
   std::unique_ptr<TrackingReport> now_;
   std::unique_ptr<Seqlock<TrackingReport>> shared_;
   std::uint64_t faults_at_start_ = 0;

@@ -107,6 +107,7 @@ Result<void> Assembly::take_blob(const std::string& path) {
     unit_.remarks.push_back(fmt::format("{}; {} is used instead.", file->refusal, file->path));
   unit_.blob_file = std::move(*file);
   take_rig(blob->rig, blob->rays);
+  unit_.blob_sha256 = blob->sha256;
   const std::string name = path.substr(path.find_last_of('/') + 1);
   unit_.calibration.source = std::string_view(name);
   unit_.calibration.present = true;

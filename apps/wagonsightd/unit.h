@@ -25,8 +25,9 @@ namespace wagonsight {
 // scene or the recordings make of this unit.
 struct Unit {
   Settings settings;
-  std::string settings_text;  // its secrets removed
-  CheckedFile blob_file;      // the ray tables may lie in it
+  std::string settings_text;                   // its secrets removed
+  CheckedFile blob_file;                       // the ray tables may lie in it
+  std::array<std::uint8_t, 32> blob_sha256{};  // zero without a blob
   std::vector<std::vector<PixelRay>> own_rays;
   Rig rig;
   std::array<RayTable, kSensorsMax> rays{};

@@ -188,7 +188,7 @@
     const known = c.sensors.map((s) => s.rms_px).filter((v) => v !== null);
     put('cal-rms', known.length ? `${Math.min(...known).toFixed(2)} to ${Math.max(...known).toFixed(2)} px` : 'not stated');
     put('cal-geo', c.georeference.present ? c.georeference.sigma_m > 0 ? `known to ${(1000 * c.georeference.sigma_m).toFixed(0)} mm` : 'surveyed' : 'not surveyed');
-    put('cal-drift', c.drift.alarm ? c.drift.text : 'no alarm');
+    put('cal-drift', c.drift.text || 'no');
   }
 
   // ---- people and events

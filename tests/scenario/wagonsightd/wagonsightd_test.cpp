@@ -27,7 +27,10 @@
 
 #include "linux/clocks.h"
 #include "recording/recording_reader.h"
+#include "rig/blob.h"
 #include "shared_block.h"
+#include "simulate/room.h"
+#include "simulate/scene.h"
 
 namespace wagonsight {
 namespace {
@@ -47,13 +50,14 @@ bool comes_true(Condition condition) {
   return false;
 }
 
-std::string settings_file(const std::string& more = "") {
+constexpr const char* kEmptyWagon = WAGONSIGHT_SOURCE_DIR "/config/scenes/empty.toml";
+
+std::string settings_file(const std::string& more = "", const std::string& scene = kEmptyWagon) {
   std::string path = testing::TempDir() + "wagonsightd_test_" + std::to_string(getpid()) + ".toml";
-  std::ofstream(path)
-      << "[unit]\nname = \"test\"\n[demo]\nscene = \"" WAGONSIGHT_SOURCE_DIR
-         "/config/scenes/empty.toml\"\n[[sensor]]\nname = \"k0\"\nkind = \"kinect\"\n"
-         "source = \"simulated\"\n[web]\nport = 0\n"
-      << more;
+  std::ofstream(path) << "[unit]\nname = \"test\"\n[demo]\nscene = \"" << scene
+                      << "\"\n[[sensor]]\nname = \"k0\"\nkind = \"kinect\"\n"
+                         "source = \"simulated\"\n[web]\nport = 0\n"
+                      << more;
   return path;
 }
 
@@ -178,8 +182,7 @@ Frames frames_of(const std::filesystem::path& path) {
 class Daemon : public testing::Test {
  protected:
   void SetUp() override {
-    program_ = std::make_unique<Program>(
-        std::vector<std::string>{"--config", settings_file(more_settings())});
+    program_ = std::make_unique<Program>(std::vector<std::string>{"--config", settings()});
     const std::string address = program_->first_line();
     ASSERT_THAT(address, StartsWith("http://127.0.0.1:"));
     port_ = static_cast<std::uint16_t>(std::stoi(address.substr(17)));
@@ -187,11 +190,11 @@ class Daemon : public testing::Test {
     ASSERT_TRUE(comes_true([&] { return framesets() > 5; }));
     ASSERT_TRUE(comes_true([&] { return web_pid() > 0 && answers(); }));
   }
+  virtual std::string settings() { return settings_file(); }
   void TearDown() override {
     if (block_ != nullptr) munmap(const_cast<SharedBlock*>(block_), sizeof(SharedBlock));
   }
 
-  virtual std::string more_settings() const { return ""; }
   std::uint64_t framesets() { return block_->snapshot.load(*snapshot_) ? snapshot_->framesets : 0; }
   pid_t web_pid() const {
     const std::string id = std::to_string(program_->pid());
@@ -249,9 +252,10 @@ class Daemon : public testing::Test {
 
 // Whether this machine has USB or not, a Kinect with this serial number is not there.
 class DaemonWithoutItsKinect : public Daemon {
-  std::string more_settings() const override {
-    return "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nsource = \"device\"\n"
-           "device = \"NO-SUCH-KINECT\"\n";
+  std::string settings() override {
+    return settings_file(
+        "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nsource = \"device\"\n"
+        "device = \"NO-SUCH-KINECT\"\n");
   }
 };
 
@@ -281,10 +285,11 @@ class DaemonForTheDepot : public Daemon {
     Daemon::TearDown();
     std::filesystem::remove_all(folder_);
   }
-  std::string more_settings() const override {
-    return "[web.tokens]\nread = \"reads-and-no-more\"\nadmin = \"may-do-everything\"\n"
-           "[recording]\nfolder = \"" +
-           folder_ + "/a/b\"\nminutes = 5\nfree_mb_min = 16\n";
+  std::string settings() override {
+    return settings_file(
+        "[web.tokens]\nread = \"reads-and-no-more\"\nadmin = \"may-do-everything\"\n"
+        "[recording]\nfolder = \"" +
+        folder_ + "/a/b\"\nminutes = 5\nfree_mb_min = 16\n");
   }
   RecordingState recording() {
     framesets();
@@ -336,6 +341,69 @@ TEST_F(DaemonForTheDepot, LosesAtMostTheLastSecondWhenItIsKilled) {
   if (keeps_up) {
     EXPECT_LE(to_seconds(killed - last.newest), 1.0);
   }
+}
+
+// Sensor k0 is knocked by 2 cm once the empty wagon is known.
+class KnockedDaemon : public Daemon {
+ protected:
+  std::string settings() override {
+    const std::string scene = testing::TempDir() + "knocked_" + std::to_string(getpid()) + ".toml";
+    std::ofstream(scene)
+        << read_text(kEmptyWagon)
+        << "[[fault]]\nat = 35\nsensor = \"k0\"\nkind = \"moved\"\namount = 0.02\n";
+    return settings_file("", scene);
+  }
+};
+
+TEST_F(KnockedDaemon, SaysWhichSensorMovedAndByHowMuch) {
+  const auto drift = [&] {
+    (void)block_->snapshot.load(*snapshot_);
+    return snapshot_->calibration;
+  };
+  EXPECT_TRUE(
+      comes_true([&] { return drift().drift_text.view().find("learn") != std::string::npos; }));
+  EXPECT_FALSE(drift().drift_alarm);
+  ASSERT_TRUE(comes_true([&] { return drift().drift_alarm; }));
+  EXPECT_THAT(std::string(drift().drift_text.view()), StartsWith("k0 by 2"));
+  EXPECT_THAT(get("/api/v1/calibration"), HasSubstr("\"alarm\":true"));
+  EXPECT_THAT(get("/api/v1/health"), HasSubstr("k0 by 2"));
+  EXPECT_THAT(get("/metrics"), HasSubstr("wagonsight_drift_alarm 1"));
+}
+
+// Its new calibration blob was cut off by a power cut; the one before is there.
+class OldBlobDaemon : public Daemon {
+ protected:
+  std::string settings() override {
+    const auto scene = parse_scene(read_text(kEmptyWagon), kEmptyWagon);
+    Rig rig = rig_of(*scene);
+    rig.provenance.created_unix = 1'700'000'000;
+    rig.sensors[0].rms_px = 0.27;
+    const auto bytes = pack_blob(rig);
+    path_ = testing::TempDir() + "old_" + std::to_string(getpid()) + ".blob";
+    write(path_, bytes.size() / 2, bytes);
+    write(path_ + ".previous", bytes.size(), bytes);
+    return settings_file("[rig]\nblob = \"" + path_ + "\"\n");
+  }
+  static void write(const std::string& path, std::size_t size,
+                    const std::vector<std::byte>& bytes) {
+    std::ofstream(path, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(size));
+  }
+  std::string path_;
+};
+
+TEST_F(OldBlobDaemon, TakesABlobOnlyWholeAndSaysItsAgeAndError) {
+  const std::string calibration = get("/api/v1/calibration");
+  EXPECT_THAT(calibration, HasSubstr("\"created_unix\":1700000000"));
+  EXPECT_THAT(calibration, HasSubstr("\"rms_px\":0.27"));
+  EXPECT_THAT(calibration, HasSubstr("\"age_s\":"));
+  auto log = std::make_unique<LogTail>();
+  ASSERT_TRUE(block_->log.load(*log));
+  std::string lines;
+  for (const LogLine& line : log->lines) lines += std::string(line.text.view()) + "\n";
+  EXPECT_THAT(lines, HasSubstr(path_ + ".previous is used instead"));
+  // The static wagon is learned for it and kept beside it.
+  EXPECT_TRUE(comes_true([&] { return !read_text(path_ + ".previous.static").empty(); }));
 }
 
 TEST_F(Daemon, WorksOnWhileItsWebSideIsKilledAndBringsItBack) {
