@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
 
 #include "base/result.h"
+#include "calibrate/solution.h"
 
 // The commands of wagonsight-calibrate, one function each: it reads its files, calls the calibrate
 // module, writes its files and prints what a person wants to know.
@@ -18,16 +20,34 @@ inline std::span<const std::byte> bytes_of(std::string_view text) {
   return std::as_bytes(std::span(text.data(), text.size()));
 }
 
+Result<Solution> read_solution(const std::string& path);
+
 struct DetectArguments {
   std::string images, board, out;
 };
 Result<void> run_detect(const DetectArguments& arguments);
 
+struct ClickArguments {
+  std::string images, board, observations, targets, sensors;
+  std::uint16_t port = 8090;
+};
+Result<void> run_click(const ClickArguments& arguments);
+
 struct SolveArguments {
-  std::string observations, sensors, out, images;
+  std::string observations, sensors, out, report, images;
   bool keep_all = false;
 };
 Result<void> run_solve(const SolveArguments& arguments);
+
+// The HTML page of a solution. `images` may be empty: then it is drawn without photographs.
+struct ReportArguments {
+  std::string solution, images, out;
+};
+Result<void> run_report(const ReportArguments& arguments);
+
+// The same, of a solution at hand; `title` is told at its top.
+Result<void> write_report(const Solution& solution, const std::string& images,
+                          const std::string& title, const std::string& path);
 
 struct GeoreferenceArguments {
   std::string solution, targets, markers, out;

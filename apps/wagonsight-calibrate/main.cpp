@@ -27,6 +27,22 @@ int main(int argc, char** argv) {
       ->required();
   detect_command->add_option("--out", detect.out, "OBS.json")->required();
 
+  ClickArguments click;
+  auto* click_command = app.add_subcommand(
+      "click", "a page in the browser where corners and targets are clicked by hand");
+  click_command->add_option("--images", click.images, "folder that holds one folder per sensor")
+      ->required();
+  click_command->add_option("--board", click.board, "BOARD.toml")->required();
+  click_command
+      ->add_option("--observations", click.observations, "OBS.json; made when it is not there")
+      ->required();
+  click_command->add_option("--targets", click.targets,
+                            "TARGETS.json; without it targets.json beside the observations");
+  click_command->add_option("--sensors", click.sensors,
+                            "SENSORS.toml: known intrinsics make the predicted corners exact");
+  click_command->add_option("--port", click.port, "of the page; 0 takes a free one")
+      ->capture_default_str();
+
   SolveArguments solve;
   auto* solve_command =
       app.add_subcommand("solve", "bundle adjustment of all cameras and board poses");
@@ -34,10 +50,22 @@ int main(int argc, char** argv) {
   solve_command->add_option("--sensors", solve.sensors, "SENSORS.toml")->required();
   solve_command->add_option("--out", solve.out, "SOLUTION.json")->required();
 
-  solve_command->add_option("--images", solve.images,
-                            "the images' folder: its NAME.depth hold the Kinects' depth images");
   solve_command->add_flag("--keep-all", solve.keep_all,
                           "leave no corner out, however badly it fits");
+
+  solve_command->add_option("--report", solve.report,
+                            "REPORT.html: the page that says how good it is");
+  solve_command->add_option(
+      "--images", solve.images,
+      "the images' folder: they are shown in the report, and its NAME.depth hold "
+      "the Kinects' depth images");
+
+  ReportArguments report;
+  auto* report_command =
+      app.add_subcommand("report", "write the page of a solution anew, with its georeference");
+  report_command->add_option("--solution", report.solution, "SOLUTION.json")->required();
+  report_command->add_option("--images", report.images, "the images' folder");
+  report_command->add_option("--out", report.out, "REPORT.html")->required();
 
   GeoreferenceArguments georeference;
   auto* georeference_command = app.add_subcommand(
@@ -65,7 +93,9 @@ int main(int argc, char** argv) {
   }
   const auto done = [&]() -> Result<void> {
     if (*detect_command) return run_detect(detect);
+    if (*click_command) return run_click(click);
     if (*solve_command) return run_solve(solve);
+    if (*report_command) return run_report(report);
     if (*georeference_command) return run_georeference(georeference);
     return run_pack(pack);
   }();

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cmath>
 #include <numbers>
 
@@ -53,13 +54,13 @@ void print_depth(const Solution& solution) {
                solution.board.square_m * 1e3);
 }
 
+}  // namespace
+
 Result<Solution> read_solution(const std::string& path) {
   const auto text = read_file(path, kFileBytesMax);
   if (!text) return fail(text.error().message);
   return parse_solution(*text, path);
 }
-
-}  // namespace
 
 Result<void> run_solve(const SolveArguments& arguments) {
   const auto observations_text = read_file(arguments.observations, kFileBytesMax);
@@ -82,7 +83,10 @@ Result<void> run_solve(const SolveArguments& arguments) {
   print_imagers(*solution);
   print_depth(*solution);
   for (const std::string& remark : solution->remarks) fmt::print("{}\n", remark);
-  return write_file_durably(arguments.out, bytes_of(format_solution(*solution)));
+  if (auto written = write_file_durably(arguments.out, bytes_of(format_solution(*solution)));
+      !written || arguments.report.empty())
+    return written;
+  return write_report(*solution, arguments.images, arguments.observations, arguments.report);
 }
 
 Result<void> run_georeference(const GeoreferenceArguments& arguments) {
@@ -115,9 +119,13 @@ Result<void> run_georeference(const GeoreferenceArguments& arguments) {
 Result<void> run_pack(const PackArguments& arguments) {
   const auto solution = read_solution(arguments.solution);
   if (!solution) return fail(solution.error().message);
-  const auto rig = to_rig(*solution);
+  auto rig = to_rig(*solution);
   if (!rig) return fail(rig.error().message);
-  return write_file_durably(arguments.out, pack_blob(*rig));
+  rig->provenance.created_unix = std::chrono::duration_cast<std::chrono::seconds>(
+                                     std::chrono::system_clock::now().time_since_epoch())
+                                     .count();
+  // What was there stays as OUT.previous: the unit falls back to it when the new one is damaged.
+  return replace_file_keeping_previous(arguments.out, pack_blob(*rig));
 }
 
 }  // namespace wagonsight

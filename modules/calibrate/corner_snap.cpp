@@ -72,9 +72,8 @@ std::optional<SnappedCorner> snap_to_saddle(const GrayImage& image, const Eigen:
       const double distance =
           std::hypot(u + patch.origin.x - near.x(), v + patch.origin.y - near.y());
       if (distance > radius_px) continue;
-      // Of two corners of like strength the nearer one was meant.
-      const double worth =
-          strength.at<float>(v, u) * (1 - 0.5 * distance / std::max(1.0, radius_px));
+      // The nearer of two corners was meant, unless it is all but none.
+      const double worth = strength.at<float>(v, u) * (1 - distance / (radius_px + 1));
       if (worth > best) best = worth, at = {u, v};
     }
   const double share = best > 0 ? strength.at<float>(at) / kFullStrength : 0;

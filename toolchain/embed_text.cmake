@@ -1,0 +1,22 @@
+# Writes OUTPUT, a C++ source that holds files of FOLDER as text: TEXTS is NAME=FILE,FILE|NAME=FILE, each
+# NAME declared in HEADER, within the namespace SPACE, as `extern const std::string_view NAME;`.
+# Run as: cmake -DFOLDER=... -DOUTPUT=... -DHEADER=... -DSPACE=... -DTEXTS=... -P embed_text.cmake
+set(source "#include \"${HEADER}\"\n\nnamespace ${SPACE} {\n")
+string(REPLACE "|" ";" texts "${TEXTS}")
+foreach(text IN LISTS texts)
+  string(REPLACE "=" ";" pair "${text}")
+  list(GET pair 0 name)
+  list(GET pair 1 files)
+  string(REPLACE "," ";" files "${files}")
+  set(whole "")
+  foreach(file IN LISTS files)
+    file(READ "${FOLDER}/${file}" part)
+    string(APPEND whole "${part}")
+  endforeach()
+  if(whole MATCHES "\\)embedded\"")
+    message(FATAL_ERROR "${files}: a file contains the end mark of the literal")
+  endif()
+  string(APPEND source "const std::string_view ${name} = R\"embedded(${whole})embedded\";\n")
+endforeach()
+string(APPEND source "}  // namespace ${SPACE}\n")
+file(WRITE "${OUTPUT}" "${source}")
