@@ -7,7 +7,9 @@
 
 #include "cloud_files.h"
 #include "commands.h"
+#include "pipeline/stereo_lane.h"
 #include "recording_file.h"
+#include "stereo/stereo_to_depth.h"
 
 namespace wagonsight {
 namespace {
@@ -20,8 +22,8 @@ struct ExportOptions {
 // The frame of one sensor that is nearest to the wanted instant.
 struct Nearest {
   bool found = false;
-  HostTime instant{};
-  std::vector<std::uint16_t> depth;
+  FrameSlot slot;  // its bytes are these
+  std::vector<std::byte> bytes;
 };
 
 // How far from the wanted time a frame may be: three of its periods, but at least half a second.
@@ -46,14 +48,39 @@ Result<std::vector<Nearest>> find_nearest(RecordingReader& reader, HostTime want
     if (!*more || slot.arrival > wanted + reach + kLatencyMax) return nearest;
     Nearest& best = nearest[slot.sensor_index];
     const Duration off = std::chrono::abs(slot.instant - wanted);
-    const bool is_depth = slot.format == PixelFormat::kDepth16 && !slot.damaged;
-    if (!is_depth || off > reach_of(rig.sensors[slot.sensor_index])) continue;
-    if (best.found && off >= std::chrono::abs(best.instant - wanted)) continue;
-    const auto pixels = slot.depth_pixels();
+    const RigSensor& sensor = rig.sensors[slot.sensor_index];
+    const bool is_pair =
+        sensor.kind == SensorKind::kStereo &&
+        (slot.format == PixelFormat::kGray8 || slot.format == PixelFormat::kGray16);
+    const bool is_of_use = (slot.format == PixelFormat::kDepth16 || is_pair) && !slot.damaged;
+    if (!is_of_use || off > reach_of(sensor)) continue;
+    if (best.found && off >= std::chrono::abs(best.slot.instant - wanted)) continue;
     best.found = true;
-    best.instant = slot.instant;
-    best.depth.assign(pixels.begin(), pixels.end());
+    best.slot = slot;
+    best.bytes.assign(slot.bytes.begin(), slot.bytes.end());
+    best.slot.bytes = best.bytes;
   }
+}
+
+// Millimetres, a pixel each: as they were taken, or the whole pair matched as the unit would by
+// default.
+Result<std::vector<std::uint16_t>> depth_of(const RigSensor& sensor, const Nearest& frame) {
+  if (frame.slot.format == PixelFormat::kDepth16) {
+    const auto pixels = frame.slot.depth_pixels();
+    return std::vector<std::uint16_t>(pixels.begin(), pixels.end());
+  }
+  auto rectification = rectification_of(sensor);
+  if (!rectification) return tl::unexpected(rectification.error());
+  const StereoToDepthOptions options;
+  const auto workspace = StereoWorkspace::create(rectification->camera.width,
+                                                 rectification->camera.height, options.matcher);
+  if (!workspace) return tl::unexpected(workspace.error());
+  StereoToDepth stereo(std::move(*rectification), options);
+  const DepthImage depth = stereo.convert(frame.slot, true, {}, **workspace);
+  if (depth.pixels == nullptr)
+    return fail(fmt::format("sensor {}: its pair is too dark or too bright to be matched",
+                            sensor.name.view()));
+  return std::vector<std::uint16_t>(depth.pixels, depth.pixels + depth.pixel_count());
 }
 
 // One point a pixel, in W when the pose is known, else in S; not a number without a reading.
@@ -114,15 +141,22 @@ Result<void> export_cloud(const ExportOptions& options) {
   for (const std::size_t i : chosen) {
     const RigSensor& sensor = rig.sensors[i];
     const Nearest& frame = (*nearest)[i];
-    if (!frame.found || reader.rays()[i].size() != frame.depth.size()) continue;
+    if (!frame.found) continue;
+    const auto depth = depth_of(sensor, frame);
+    if (!depth && chosen.size() > 1) continue;
+    if (!depth) return fail(fmt::format("{}: {}", options.recording, depth.error().message));
+    std::vector<PixelRay> own_rays;  // a rectified camera has none in the blob
+    if (reader.rays()[i].empty()) own_rays = make_ray_table(sensor.camera);
+    const RayTable rays = own_rays.empty() ? reader.rays()[i] : RayTable(own_rays);
+    if (rays.size() != depth->size()) continue;
     if (chosen.size() > 1 && !sensor.has_pose)
       return fail(
           fmt::format("{}: sensor {} has no pose, so its points cannot be put together with "
                       "others; choose one with --sensor",
                       options.recording, sensor.name.view()));
-    append_points(sensor, reader.rays()[i], frame.depth, points);
+    append_points(sensor, rays, *depth, points);
     told += fmt::format(", {} at {:.3f} s in {}", sensor.name.view(),
-                        to_seconds(frame.instant - reader.start()),
+                        to_seconds(frame.slot.instant - reader.start()),
                         sensor.has_pose ? "W" : "its own frame");
   }
   if (told.empty())
