@@ -140,9 +140,13 @@ def main():
                               stdout=subprocess.DEVNULL)  # its address is told once it answers
     try:
         wait_until_ready(daemon, options.port)
+        more = "" if options.rig == "all" else (f"Six stereo cameras beside the four Kinects, at {STEREO_HZ} of their 14 Hz because two "
+                                                "cores render no more: ./scripts/demo --rig all")
         if options.seconds > 0:
-            return summarise(options.port, options.seconds, options.rig)
-        print("Ctrl-C ends it.", flush=True)
+            failed = summarise(options.port, options.seconds, options.rig)
+            print(more, end="\n" if more else "")
+            return failed
+        print(f"Ctrl-C ends it. {more}".rstrip(), flush=True)
         return daemon.wait()
     except KeyboardInterrupt:
         return 0
