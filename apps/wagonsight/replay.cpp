@@ -9,6 +9,8 @@
 #include "commands.h"
 #include "frame_sets.h"
 #include "fusion/fused_cloud.h"
+#include "linux/workers.h"
+#include "pipeline/stereo_lane.h"
 #include "progress.h"
 #include "recording_file.h"
 #include "replay_setup.h"
@@ -26,6 +28,7 @@ struct ReplayOptions {
   std::string recording, config, rig, sensor, out;
   std::string background;  // causal, whole, none or a file
   std::string save_background, clouds, timing;
+  int workers = 0;  // 0: as the settings say
   bool realtime = false;
   bool skip_damaged = false;
 };
@@ -34,10 +37,11 @@ struct ReplayOptions {
 class Replay {
  public:
   Replay(ReplayOptions options, RecordingFile recording, ReplaySetup setup,
-         std::unique_ptr<Pipeline> pipeline)
+         std::unique_ptr<Workers> workers, std::unique_ptr<Pipeline> pipeline)
       : options_(std::move(options)),
         recording_(std::move(recording)),
         setup_(std::move(setup)),
+        workers_(std::move(workers)),
         pipeline_(std::move(pipeline)),
         sets_(*recording_.reader, setup_.rig) {}
 
@@ -48,6 +52,9 @@ class Replay {
   Result<void> process_all(OutputFile& out);
   Result<void> write_cloud(std::uint64_t index);
   void wait_for(HostTime instant);
+  Duration processor_time() const {
+    return StageTimings::thread_time() + workers_->helpers_cpu_time();
+  }
   static HostTime newest_instant(const FrameSet& set);
   void note_latency(const FrameSet& set, Duration took);
   void note_stereo(const FrameSet& set);
@@ -60,6 +67,7 @@ class Replay {
   ReplayOptions options_;
   RecordingFile recording_;
   ReplaySetup setup_;
+  std::unique_ptr<Workers> workers_;
   std::unique_ptr<Pipeline> pipeline_;
   FrameSetSource sets_;
   StageTimings timings_;
@@ -112,7 +120,7 @@ HostTime Replay::newest_instant(const FrameSet& set) {
 void Replay::note_latency(const FrameSet& set, Duration took) {
   const HostTime there = newest_instant(set);
   free_at_ = std::max(free_at_, there) + took;
-  timings_.add_latency(free_at_ - there);
+  timings_.add_latency(free_at_ - there, pipeline_->learning());
 }
 
 void Replay::note_stereo(const FrameSet& set) {
@@ -142,11 +150,11 @@ Result<void> Replay::process_all(OutputFile& out) {
     if (set_count_ == 0) first_instant_ = set.instant;
     last_instant_ = set.instant;
     if (options_.realtime) wait_for(newest_instant(set));
-    const Duration before = StageTimings::thread_time();
+    const Duration before = processor_time();
     const auto began = std::chrono::steady_clock::now();
     const PeopleFrame& frame = pipeline_->process(set);
     if (options_.realtime) note_latency(set, std::chrono::steady_clock::now() - began);
-    timings_.add(pipeline_->last_stage_times(), StageTimings::thread_time() - before);
+    timings_.add(pipeline_->last_stage_times(), processor_time() - before);
     note_stereo(set);
     line.clear();
     append_people_line(frame, true, line);
@@ -161,6 +169,7 @@ Result<void> Replay::process_all(OutputFile& out) {
 Result<void> Replay::run() {
   if (!options_.clouds.empty())
     if (auto made = make_folder(options_.clouds); !made) return made;
+  workers_->start();
   auto out = OutputFile::create(options_.out);
   if (!out) return tl::unexpected(out.error());
   if (auto done = prepare_background(); !done) return done;
@@ -211,12 +220,17 @@ Result<void> replay(ReplayOptions options) {
     return fail(fmt::format(
         "{}: with --background none nothing is learned that --save-background could write",
         options.save_background));
+  if (options.workers == 0) options.workers = setup->workers;
+  auto workers =
+      std::make_unique<Workers>(suitable_workers(options.workers, has_stereo(setup->rig)));
+  setup->options.runner = workers.get();
   auto pipeline =
       options.config.empty()
           ? Pipeline::create_fitting(setup->rig, setup->rays, setup->wagon, setup->options)
           : Pipeline::create(setup->rig, setup->rays, setup->wagon, setup->options);
   if (!pipeline) return fail(fmt::format("{}: {}", options.recording, pipeline.error().message));
-  Replay run(std::move(options), std::move(*recording), std::move(*setup), std::move(*pipeline));
+  Replay run(std::move(options), std::move(*recording), std::move(*setup), std::move(workers),
+             std::move(*pipeline));
   return run.run();
 }
 
@@ -243,6 +257,11 @@ void add_replay(CommandLine& line) {
                       "Write the background as it is after the replay");
   command->add_option("--clouds", options->clouds,
                       "Folder for the foreground clouds in W, one PLY for each instant");
+  command
+      ->add_option("--workers", options->workers,
+                   "Threads that share the sensors of an instant, 1 to 8; the people are the "
+                   "same with any number (default: as the settings say)")
+      ->check(CLI::Range(1, 8));
   command->add_option("--timing", options->timing, "What it cost, per stage (JSON)");
   command->add_flag("--realtime", options->realtime, "Take the time the recording took");
   command->add_flag("--skip-damaged", options->skip_damaged,

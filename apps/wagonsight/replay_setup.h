@@ -22,6 +22,7 @@ struct ReplaySetup {
   std::array<RayTable, kSensorsMax> rays{};
   Wagon wagon;
   PipelineOptions options;
+  int workers = 0;                        // as ProcessingSettings
   bool had_pose = true;                   // before the floor was looked for
   std::uint64_t frame_count = 0;          // of all sensors together
   std::string remark;                     // what the user should know; else empty

@@ -67,7 +67,9 @@ std::string StageTimings::to_json(Duration recorded) const {
     constexpr double kBacklogMax_ms = 300;  // the daemon skips what is older
     const auto late = std::count_if(latency_ms_.begin(), latency_ms_.end(),
                                     [](double ms) { return ms > kBacklogMax_ms; });
-    text += fmt::format(R"(,"latency":{},"late":{})", summary(latency_ms_), late);
+    text += fmt::format(R"(,"latency":{},"late":{},"learning":{{"framesets":{},"latency":{}}})",
+                        summary(latency_ms_), late, learning_latency_ms_.size(),
+                        summary(learning_latency_ms_));
   }
   if (!matched_share_.empty()) {
     const double sum = std::accumulate(matched_share_.begin(), matched_share_.end(), 0.0);

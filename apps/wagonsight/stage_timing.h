@@ -21,8 +21,10 @@ class StageTimings {
 
   void add(const std::array<Duration, kStageCount>& stages, Duration processor);
   // From when the last of an instant's frames was there until its people were told; of a replay in
-  // real time.
-  void add_latency(Duration latency) { latency_ms_.push_back(to_milliseconds(latency)); }
+  // real time. While the background is learned it is apart: nobody is told then.
+  void add_latency(Duration latency, bool learning) {
+    (learning ? learning_latency_ms_ : latency_ms_).push_back(to_milliseconds(latency));
+  }
   void add_matched_share(double share) { matched_share_.push_back(share); }
   // `recorded` is how long the recording lasts.
   std::string to_json(Duration recorded) const;
@@ -30,7 +32,7 @@ class StageTimings {
  private:
   std::array<std::vector<double>, kStageCount> stages_ms_;
   std::vector<double> processor_ms_;
-  std::vector<double> latency_ms_;
+  std::vector<double> latency_ms_, learning_latency_ms_;
   std::vector<double> matched_share_;  // of stereo images
 };
 

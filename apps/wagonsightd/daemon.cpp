@@ -69,7 +69,8 @@ class Daemon {
         drift_(unit_->rig, unit_->rays,
                unit_->blob_file.path.empty() ? std::string() : unit_->blob_file.path + ".static",
                unit_->blob_sha256),
-        tracking_(std::move(unit_->pipeline), unit_->rig, pool_, bell_, start),
+        tracking_(std::move(unit_->pipeline), std::move(unit_->workers), unit_->rig, pool_, bell_,
+                  start),
         publisher_(*unit_, shared_.block(), log_, start),
         listening_(listening),
         web_(
@@ -186,6 +187,11 @@ class Daemon {
   void watch_stages(Vigil& vigil) {
     vigil.watch(
         "The tracking", kTrackingSilenceMaxS, [this] { return tracking_.turns(); }, seconds());
+    const Workers& workers = tracking_.workers();
+    for (std::size_t i = 0; i < workers.helper_count(); ++i)
+      vigil.watch(
+          fmt::format("Worker {}", i + 1), kTrackingSilenceMaxS,
+          [&workers, i] { return workers.turns(i); }, seconds());
     for (const auto& source : sources_)
       vigil.watch(
           fmt::format("The driver of {}", source->name()), kDriverSilenceMaxS,

@@ -1,7 +1,6 @@
 #include "tracking.h"
 
 #include "linux/clocks.h"
-#include "linux/held_memory.h"
 #include "linux/resources.h"
 #include "linux/sealed_heap.h"
 #include "linux/threads.h"
@@ -29,9 +28,10 @@ FrameSetOptions live_options() {
 
 }  // namespace
 
-Tracking::Tracking(std::unique_ptr<Pipeline> pipeline, const Rig& rig, FramePool& pool,
-                   FrameBell& bell, HostTime daemon_start)
-    : pipeline_(std::move(pipeline)),
+Tracking::Tracking(std::unique_ptr<Pipeline> pipeline, std::unique_ptr<Workers> workers,
+                   const Rig& rig, FramePool& pool, FrameBell& bell, HostTime daemon_start)
+    : workers_(std::move(workers)),
+      pipeline_(std::move(pipeline)),
       sensor_count_(rig.sensors.size()),
       builder_(pool, std::span<const double>(rates_of(rig)), live_options()),
       bell_(bell),
@@ -48,12 +48,14 @@ Tracking::~Tracking() {
 void Tracking::start(std::vector<SourceThread*> sources, DriftWatch* drift) {
   drift_ = drift;
   sources_ = std::move(sources);
+  workers_->start();
   thread_ = std::thread([this] { run(); });
 }
 
 void Tracking::stop() {
   stop_.store(true, std::memory_order_release);
   if (thread_.joinable()) thread_.join();
+  workers_->stop();
 }
 
 void Tracking::run() {
@@ -127,10 +129,10 @@ void Tracking::tell(const FrameSet& set) {
       sensor.skew_ms += kSkewGain * (to_milliseconds(set.sensors[i].skew) - sensor.skew_ms);
   }
   now.latency_ms = to_milliseconds(host_now() - set.instant);
-  now.cpu_s = to_seconds(thread_cpu_time());
+  now.cpu_s = to_seconds(thread_cpu_time() + workers_->helpers_cpu_time());
   // The first instant touches what is not memory of the data path: the stack, code, the clock.
-  if (now.framesets == 1) faults_at_start_ = thread_page_faults();
-  now.page_faults = thread_page_faults() - faults_at_start_;
+  if (now.framesets == 1) faults_at_start_ = page_faults();
+  now.page_faults = page_faults() - faults_at_start_;
   shared_->store(now);
 }
 

@@ -11,6 +11,8 @@
 #include "capture/frame_set_builder.h"
 #include "drift_watch.h"
 #include "frame_source.h"
+#include "linux/held_memory.h"
+#include "linux/workers.h"
 #include "pipeline/pipeline.h"
 #include "snapshot/snapshot.h"
 
@@ -37,18 +39,19 @@ struct TrackingReport {
   bool learning = true;
   std::uint64_t framesets = 0, framesets_dropped = 0;
   double latency_ms = 0;
-  double cpu_s = 0;                             // of the tracking thread
-  std::uint64_t page_faults = 0;                // of it since its first instant
+  double cpu_s = 0;                             // of the tracking thread and the workers
+  std::uint64_t page_faults = 0;                // of them since the first instant
   static constexpr std::size_t kTimings = 256;  // eight seconds
   std::array<std::array<float, kTimings>, kStageCount> stage_ms{};
 };
 
 // The thread that turns frames into people: takes slots from the sources, groups them, runs the
-// pipeline. Its heap is sealed.
+// pipeline, and with it the workers. Their heaps are sealed.
 class Tracking {
  public:
-  Tracking(std::unique_ptr<Pipeline> pipeline, const Rig& rig, FramePool& pool, FrameBell& bell,
-           HostTime daemon_start);
+  // `workers` are the pipeline's, made but not started.
+  Tracking(std::unique_ptr<Pipeline> pipeline, std::unique_ptr<Workers> workers, const Rig& rig,
+           FramePool& pool, FrameBell& bell, HostTime daemon_start);
   ~Tracking();  // stops
   Tracking(const Tracking&) = delete;
   Tracking& operator=(const Tracking&) = delete;
@@ -62,6 +65,8 @@ class Tracking {
   std::uint64_t report_count() const { return shared_->version(); }
   // Rises many times a second while the thread is not stuck, with or without frames.
   std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
+  // So do the workers'.
+  const Workers& workers() const { return *workers_; }
 
  private:
   void run();
@@ -71,7 +76,11 @@ class Tracking {
   void tell_stereo(std::size_t sensor_index, const FrameSet& set);
   void set_exposure(std::size_t sensor_index, const Exposure& exposure);
   void shift_times(PeopleFrame& frame) const;
+  std::uint64_t page_faults() const {
+    return thread_page_faults() + workers_->helpers_page_faults();
+  }
 
+  std::unique_ptr<Workers> workers_;
   std::unique_ptr<Pipeline> pipeline_;
   std::size_t sensor_count_;
   FrameSetBuilder builder_;

@@ -9,6 +9,7 @@
 #include "devices.h"
 #include "linux/files.h"
 #include "pipeline/place_on_floor.h"
+#include "pipeline/stereo_lane.h"
 #include "recorded_sensor.h"
 #include "recording/sample_images.h"
 #include "rig/blob.h"
@@ -223,6 +224,9 @@ Result<void> Assembly::make_pipeline() {
   PipelineOptions options = pipeline_options(unit_.settings.pipeline, unit_.settings.stereo);
   options.first_background_s = std::min(kFirstBackgroundMax_s, 0.5 * options.learning_s);
   options.evidence_nodes = kLiveEvidenceNodesMax;
+  unit_.workers = std::make_unique<Workers>(
+      suitable_workers(unit_.settings.processing.workers, has_stereo(unit_.rig)));
+  options.runner = unit_.workers.get();
   auto pipeline = is_room_found_
                       ? Pipeline::create_fitting(unit_.rig, unit_.rays, unit_.wagon, options)
                       : Pipeline::create(unit_.rig, unit_.rays, unit_.wagon, options);

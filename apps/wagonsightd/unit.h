@@ -10,6 +10,7 @@
 #include "base/result.h"
 #include "frame_source.h"
 #include "linux/files.h"
+#include "linux/workers.h"
 #include "pipeline/pipeline.h"
 #include "rig/ray_table.h"
 #include "rig/rig.h"
@@ -33,6 +34,7 @@ struct Unit {
   std::array<RayTable, kSensorsMax> rays{};
   Wagon wagon;
   CalibrationStatus calibration;
+  std::unique_ptr<Workers> workers;  // of the pipeline; not started
   std::unique_ptr<Pipeline> pipeline;
   std::vector<FrameSource> sources;  // their frames begin at `start`
   std::size_t slot_bytes = 0;

@@ -60,6 +60,7 @@ class BlobFinder {
   std::span<const std::uint64_t> large_mask() const { return large_mask_.span(); }
   std::uint64_t runs_dropped() const { return runs_dropped_; }
   std::shared_ptr<BlobWorkspace> workspace() const { return workspace_; }
+  void use(const std::shared_ptr<BlobWorkspace>& workspace) { workspace_ = workspace; }
 
  private:
   using Run = BlobWorkspace::Run;

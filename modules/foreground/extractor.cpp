@@ -208,7 +208,8 @@ bool ForegroundExtractor::near_somebody(std::size_t word) const {
 void ForegroundExtractor::drop_masked(DepthImage image) {
   if (!view_.has_masks()) return;
   for (std::size_t word = 0; word < foreground_.size(); ++word) {
-    for (std::uint64_t rest = foreground_[word] | unknown_[word]; rest != 0; rest &= rest - 1) {
+    std::uint64_t rest = (foreground_[word] | unknown_[word]) & view_.maskable(word);
+    for (; rest != 0; rest &= rest - 1) {
       const auto place = static_cast<std::size_t>(std::countr_zero(rest));
       const std::size_t pixel = word * 64 + place;
       if (!view_.masked(view_.point_W(pixel, view_.depth().z(image.pixels[pixel])))) continue;

@@ -83,6 +83,9 @@ class ForegroundExtractor {
   // Of the last frame: pixels that differ from the background, before blobs.
   std::size_t changed_pixels() const;
 
+  // From the next frame on; of the same voxel_m. Two threads must not be in one at a time.
+  void use(const std::shared_ptr<BlobWorkspace>& workspace) { blobs_.use(workspace); }
+
   const Background& background() const { return background_; }
   const SensorView& view() const { return view_; }
   std::shared_ptr<BlobWorkspace> workspace() const { return blobs_.workspace(); }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "foreground/mask_rays.h"
 
 namespace wagonsight {
 namespace {
@@ -92,11 +93,12 @@ SensorView::SensorView(const RigSensor& sensor, RayTable rays, const Wagon& wago
   for (const MaskVolume& mask : wagon.masks) {
     masks_.push_back({mask.bounds.min.cast<float>(), mask.bounds.max.cast<float>()});
   }
+  maskable_ = rays_into_masks(sensor, rays, wagon);
 }
 
 LeafAddress SensorView::leaf_of(std::size_t pixel, std::uint16_t raw) const {
   const float z = depth_.z(raw);
-  if (!masks_.empty() && masked(point_W(pixel, z))) return kNoLeaf;
+  if ((maskable_[pixel / 64] >> (pixel % 64) & 1) != 0 && masked(point_W(pixel, z))) return kNoLeaf;
   const Eigen::Vector3f at = origin_grid_ + z * ray_grid(pixel);
   // Before the corner, truncation would round into the grid.
   if (!(at.minCoeff() >= 0)) return kNoLeaf;

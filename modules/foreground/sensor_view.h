@@ -108,6 +108,8 @@ class SensorView {
   // The readings of a pixel that lie inside the wagon and the trim.
   RawInterval inside(std::size_t pixel) const;
   bool has_masks() const { return !masks_.empty(); }
+  // Of 64 pixels those whose ray comes to a mask volume; no reading of others is masked.
+  std::uint64_t maskable(std::size_t word) const { return maskable_[word]; }
   bool masked(const Eigen::Vector3f& p_W) const;
   // Square metres that one pixel covers at one metre.
   float pixel_area() const { return pixel_area_; }
@@ -132,6 +134,7 @@ class SensorView {
     Eigen::Vector3f min, max;
   };
   std::vector<MaskBox> masks_;
+  std::vector<std::uint64_t> maskable_;  // a bit a pixel
 };
 
 }  // namespace wagonsight

@@ -33,10 +33,8 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
     if (sensor.kind == SensorKind::kStereo)
       if (auto added = state->add_stereo(i, rays[i], wagon); !added)
         return tl::unexpected(added.error());
-    // Sensors are worked on one after the other, so one workspace does for all.
     auto extractor =
-        ForegroundExtractor::create(sensor, rays[i], wagon, foreground,
-                                    i == 0 ? nullptr : state->lanes[0].extractor->workspace());
+        ForegroundExtractor::create(sensor, rays[i], wagon, foreground, state->spaces[0].blobs);
     if (!extractor)
       return fail(fmt::format("sensor {}: {}", sensor.name.view(), extractor.error().message));
     state->lanes[i].extractor = std::move(*extractor);
@@ -44,6 +42,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
         static_cast<std::size_t>(sensor.camera.width * sensor.camera.height));
     state->lanes[i].foreground->sensor_index = static_cast<std::uint8_t>(i);
   }
+  state->order_parts();
   return std::unique_ptr<Pipeline>(new Pipeline(std::move(state)));
 }
 
@@ -77,7 +76,6 @@ TrackOptions track_options(const PipelineOptions& options) {
 Pipeline::State::State(const Rig& the_rig, const Wagon& wagon, const PipelineOptions& the_options)
     : rig(the_rig),
       options(the_options),
-      regions(kTracksMax + kBlobsMax),
       fusion(the_rig, the_options.voxel_m),
       visibility(the_rig, wagon.inside),
       detector(wagon.inside),
@@ -85,14 +83,25 @@ Pipeline::State::State(const Rig& the_rig, const Wagon& wagon, const PipelineOpt
       situation(wagon) {
   if (the_options.without_background)
     upright_shapes = std::make_unique<UprightShapes>(wagon.inside);
+  const std::size_t workers = options.runner == nullptr ? 1 : options.runner->workers();
+  for (std::size_t i = 0; i < workers; ++i) spaces.emplace_back(options.voxel_m);
+}
+
+WorkerSpace::WorkerSpace(double voxel_m)
+    : blobs(std::make_shared<BlobWorkspace>(voxel_m)), regions(kTracksMax + kBlobsMax) {}
+
+// Whoever is free takes the next part: a long one last would leave the others waiting.
+void Pipeline::State::order_parts() {
+  for (const bool is_stereo : {true, false})
+    for (std::size_t i = 0; i < rig.sensors.size(); ++i)
+      if ((lanes[i].stereo != nullptr) == is_stereo) parts.push_back(i);
 }
 
 // Algorithm 1 of the paper, and from its fused cloud to who is where.
 const PeopleFrame& Pipeline::process(const FrameSet& frames) {
   State& now = *state_;
   now.begin(frames);
-  now.to_depth(frames);     // stereo: rectify, match; from here on every sensor is a depth image
-  now.extract(now.depth);   // lines 4 to 14: trim, change, blobs, downsample, to the world
+  now.watch(frames);        // each sensor for itself: to depth, and lines 4 to 14
   now.fuse(now.depth);      // line 18: all foregrounds of the instant in one cloud
   now.find_people(frames);  // detect, describe, track
   now.judge_situation();    // zones, seats, doors, events
@@ -107,28 +116,48 @@ void Pipeline::State::begin(const FrameSet& frames) {
   for (std::size_t i = 0; i < rig.sensors.size(); ++i)
     if (frames.sensors[i].state == FrameState::kPresent)
       frame.skews.push_back({rig.sensors[i].name, to_milliseconds(frames.sensors[i].skew)});
-  stage_begin = ticker != nullptr ? ticker() : Duration{};
+  stage_begin = ticks();
 }
 
-void Pipeline::State::to_depth(const FrameSet& frames) {
+void Pipeline::State::watch(const FrameSet& frames) {
   depth = frames;
-  for (std::size_t i = 0; i < rig.sensors.size(); ++i)
-    if (lanes[i].stereo != nullptr)
-      depth.sensors[i] = matched(i, frames.sensors[i], learns_from(i, frames.sensors[i]));
-  finish_stage(Stage::kToDepth);
+  run_parts(options.runner, parts.size(), [&](std::size_t part, std::size_t worker) {
+    const std::size_t sensor_index = parts[part];
+    const Duration begin = ticks();
+    to_depth(sensor_index, frames.sensors[sensor_index], spaces[worker]);
+    const Duration middle = ticks();
+    extract(sensor_index, spaces[worker]);
+    lanes[sensor_index].took = {middle - begin, ticks() - middle};
+  });
+  Duration to_depth_time{}, extract_time{};
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
+    to_depth_time += lanes[i].took[0];
+    extract_time += lanes[i].took[1];
+  }
+  stage_times[static_cast<std::size_t>(Stage::kToDepth)] = to_depth_time;
+  stage_times[static_cast<std::size_t>(Stage::kExtract)] = extract_time;
+  stage_begin = ticks();
 }
 
-// A sensor that has no frame at this instant contributes nothing, and nothing waits for it.
-void Pipeline::State::extract(const FrameSet& frames) {
-  for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
-    views[i] = {};
-    const FrameSlot* slot = depth_slot(frames.sensors[i]);
-    if (slot == nullptr) continue;
-    lanes[i].extractor->extract(slot->depth(), slot->instant, *lanes[i].foreground);
-    views[i] = {lanes[i].foreground.get(),
-                options.compensate_skew ? frames.sensors[i].skew : Duration{}};
-  }
-  finish_stage(Stage::kExtract);
+// Stereo: rectify, match. From here on every sensor is a depth image.
+void Pipeline::State::to_depth(std::size_t sensor_index, const SensorFrame& taken,
+                               WorkerSpace& space) {
+  if (lanes[sensor_index].stereo != nullptr)
+    depth.sensors[sensor_index] =
+        matched(sensor_index, taken, learns_from(sensor_index, taken), space);
+}
+
+// Trim, change, blobs, downsample, to the world. A sensor that has no frame at this instant
+// contributes nothing, and nothing waits for it.
+void Pipeline::State::extract(std::size_t sensor_index, WorkerSpace& space) {
+  views[sensor_index] = {};
+  const SensorFrame& image = depth.sensors[sensor_index];
+  const FrameSlot* slot = depth_slot(image);
+  if (slot == nullptr) return;
+  SensorLane& lane = lanes[sensor_index];
+  lane.extractor->use(space.blobs);
+  lane.extractor->extract(slot->depth(), slot->instant, *lane.foreground);
+  views[sensor_index] = {lane.foreground.get(), options.compensate_skew ? image.skew : Duration{}};
 }
 
 void Pipeline::State::fuse(const FrameSet& frames) {
@@ -186,8 +215,9 @@ void Pipeline::State::finish_stage(Stage stage) {
 void Pipeline::learn(const FrameSet& frames) {
   for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i) {
     const bool is_stereo = state_->lanes[i].stereo != nullptr;
-    const SensorFrame frame =
-        is_stereo ? state_->matched(i, frames.sensors[i], true) : frames.sensors[i];
+    const SensorFrame frame = is_stereo
+                                  ? state_->matched(i, frames.sensors[i], true, state_->spaces[0])
+                                  : frames.sensors[i];
     if (const FrameSlot* slot = depth_slot(frame))
       state_->lanes[i].extractor->learn(slot->depth(), slot->instant);
   }

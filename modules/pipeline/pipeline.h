@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "base/part_runner.h"
 #include "base/result.h"
 #include "frame/frame.h"
 #include "fusion/fused_cloud.h"
@@ -36,13 +37,17 @@ struct PipelineOptions {
   bool without_background = false;
   StereoToDepthOptions stereo;                     // of every stereo camera
   std::size_t evidence_nodes = kEvidenceNodesMax;  // a sensor's, for its background
+  // Who does the sensors' parts of an instant, which changes no byte of what is told; it must
+  // outlive the pipeline. nullptr: the caller of process() does them one after the other.
+  PartRunner* runner = nullptr;
 };
 
 enum class Stage : std::uint8_t { kToDepth, kExtract, kFuse, kPeople, kSituation };
 inline constexpr std::size_t kStageCount = 5;
 
 // Algorithm 1 of the paper, and what follows from it: from the depth images of one instant to who
-// is where. One thread at a time; allocates only in the constructor.
+// is where. What concerns one sensor alone (to depth, extract) is done in parts by options.runner.
+// One thread at a time; allocates only in the constructor.
 class Pipeline {
  public:
   // `rays` by sensor index, as in the blob; they must outlive the pipeline. Where there are none
@@ -90,6 +95,7 @@ class Pipeline {
   // Time source for stage timings; without one they are zero and results do not depend on it.
   using Ticker = Duration (*)();
   void set_ticker(Ticker ticker);
+  // Of the last process(). What several workers did at the same time is counted as often.
   const std::array<Duration, kStageCount>& last_stage_times() const;
 
  private:

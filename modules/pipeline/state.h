@@ -19,6 +19,18 @@ struct SensorLane {
   HostTime learned_at{};                  // when its whole image was matched for the background
   std::unique_ptr<ForegroundExtractor> extractor;
   std::unique_ptr<Foreground> foreground;
+  std::array<Duration, 2> took{};  // to depth and to extract, at this instant
+};
+
+// What one worker writes in while it is at one sensor's part; nothing of it lasts until the next.
+struct WorkerSpace {
+  std::shared_ptr<BlobWorkspace> blobs;
+  std::vector<std::unique_ptr<StereoWorkspace>> stereo;  // one for each size of images
+  BoundedVector<PixelRect> regions;  // of the last FrameSet's tracks and foreground
+
+  explicit WorkerSpace(double voxel_m);
+  // Of that size; nullptr: there is none.
+  StereoWorkspace* stereo_of(const Camera& camera) const;
 };
 
 // Everything the pipeline keeps between two instants. Private to its sources.
@@ -27,27 +39,33 @@ struct Pipeline::State {
 
   // The steps of process(), in their order.
   void begin(const FrameSet& frames);
-  void to_depth(const FrameSet& frames);
-  void extract(const FrameSet& frames);
+  void watch(const FrameSet& frames);
   void fuse(const FrameSet& frames);
   void find_people(const FrameSet& frames);
   void judge_situation();
 
+  // The steps of one sensor's part of an instant. They write what is the sensor's own, and `space`.
+  void to_depth(std::size_t sensor_index, const SensorFrame& taken, WorkerSpace& space);
+  void extract(std::size_t sensor_index, WorkerSpace& space);
+
+  void order_parts();
   Result<void> add_stereo(std::size_t sensor_index, RayTable rays, const Wagon& wagon);
-  SensorFrame matched(std::size_t sensor_index, const SensorFrame& frame, bool whole);
+  SensorFrame matched(std::size_t sensor_index, const SensorFrame& frame, bool whole,
+                      WorkerSpace& space);
   bool learns_from(std::size_t sensor_index, const SensorFrame& pair);
-  void gather_regions(std::size_t sensor_index);
+  void gather_regions(std::size_t sensor_index, BoundedVector<PixelRect>& regions) const;
   void gather_motion_hints();
   void tell_people();
+  Duration ticks() const { return ticker != nullptr ? ticker() : Duration{}; }
   void finish_stage(Stage stage);
 
   Rig rig;
   PipelineOptions options;
   std::vector<std::vector<PixelRay>> own_rays;
-  std::vector<std::unique_ptr<StereoWorkspace>> workspaces;  // one for each size of images
+  std::vector<WorkerSpace> spaces;  // one for each worker
   std::array<SensorLane, kSensorsMax> lanes;
-  FrameSet depth;                    // the frames of this instant, all of them of depth
-  BoundedVector<PixelRect> regions;  // of the last FrameSet's tracks and foreground
+  FixedVector<std::size_t, kSensorsMax> parts;  // sensors, those first that take longest
+  FrameSet depth;                               // the frames of this instant, all of them of depth
   std::array<ForegroundView, kSensorsMax> views{};
   FixedVector<MotionHint, kTracksMax> hints;  // the last FrameSet's tracks
 

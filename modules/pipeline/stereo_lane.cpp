@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "foreground/mask_rays.h"
+
 namespace wagonsight {
 namespace {
 
@@ -15,19 +17,12 @@ bool same(const Camera& a, const Camera& b) {
          near(a.cx, b.cx) && near(a.cy, b.cy) && !a.has_distortion() && !b.has_distortion();
 }
 
-bool meets(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, const Bounds& box) {
-  double enter = 0, leave = 1e9;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double step = std::abs(ray[axis]) < 1e-12 ? 1e-12 : ray[axis];
-    const double a = (box.min[axis] - origin[axis]) / step;
-    const double b = (box.max[axis] - origin[axis]) / step;
-    enter = std::max(enter, std::min(a, b));
-    leave = std::min(leave, std::max(a, b));
-  }
-  return enter <= leave;
-}
-
 }  // namespace
+
+bool has_stereo(const Rig& rig) {
+  return std::any_of(rig.sensors.begin(), rig.sensors.end(),
+                     [](const RigSensor& sensor) { return sensor.kind == SensorKind::kStereo; });
+}
 
 Result<StereoRectification> rectification_of(const RigSensor& sensor) {
   const StereoGeometry& stereo = sensor.stereo;
@@ -50,17 +45,8 @@ Result<StereoRectification> rectification_of(const RigSensor& sensor) {
 
 std::vector<std::uint64_t> exposure_mask(const RigSensor& sensor, RayTable rays,
                                          const Wagon& wagon) {
-  std::vector<std::uint64_t> mask((rays.size() + 63) / 64);
-  const Eigen::Matrix3d R_WS = sensor.X_WS.rotation.toRotationMatrix();
-  for (std::size_t pixel = 0; pixel < rays.size(); ++pixel) {
-    const double scale = static_cast<double>(kRayScale);
-    const Eigen::Vector3d ray =
-        R_WS * Eigen::Vector3d(scale * rays[pixel].x, scale * rays[pixel].y, 1);
-    const bool outside = std::any_of(
-        wagon.masks.begin(), wagon.masks.end(),
-        [&](const MaskVolume& volume) { return meets(sensor.X_WS.position, ray, volume.bounds); });
-    if (!outside) mask[pixel / 64] |= std::uint64_t{1} << (pixel % 64);
-  }
+  std::vector<std::uint64_t> mask = rays_into_masks(sensor, rays, wagon);
+  for (std::uint64_t& word : mask) word = ~word;
   return mask;
 }
 

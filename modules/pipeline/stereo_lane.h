@@ -11,6 +11,8 @@
 
 namespace wagonsight {
 
+bool has_stereo(const Rig& rig);
+
 // How a stereo camera's pair is resampled: by its lenses; without any its images are taken for
 // rectified ones and there are no tables. The Error says that rig and lenses do not fit each other.
 // Allocates.

@@ -8,36 +8,41 @@
 // The stereo cameras' part of the pipeline: from pairs to depth images.
 namespace wagonsight {
 
+StereoWorkspace* WorkerSpace::stereo_of(const Camera& camera) const {
+  for (const auto& space : stereo)
+    if (space->fits(camera.width, camera.height)) return space.get();
+  return nullptr;
+}
+
 Result<void> Pipeline::State::add_stereo(std::size_t sensor_index, RayTable rays,
                                          const Wagon& wagon) {
   const RigSensor& sensor = rig.sensors[sensor_index];
   auto rectification = rectification_of(sensor);
   if (!rectification) return tl::unexpected(rectification.error());
   const Camera& camera = rectification->camera;
-  const auto fitting = [&](const auto& space) { return space->fits(camera.width, camera.height); };
-  auto space = std::find_if(workspaces.begin(), workspaces.end(), fitting);
-  if (space == workspaces.end()) {
+  for (WorkerSpace& space : spaces) {
+    if (space.stereo_of(camera) != nullptr) continue;
     auto made = StereoWorkspace::create(camera.width, camera.height, options.stereo.matcher);
     if (!made) return fail(fmt::format("sensor {}: {}", sensor.name.view(), made.error().message));
-    space = workspaces.insert(workspaces.end(), std::move(*made));
+    space.stereo.push_back(std::move(*made));
   }
   StereoToDepthOptions own = options.stereo;
   own.far_m = std::min(own.far_m, sensor.trim_far + 1.0);
   // One whole image at a time: the cameras take turns.
   own.whole_phase_s = own.whole_every_s * static_cast<double>(sensor_index) /
                       static_cast<double>(rig.sensors.size());
-  lanes[sensor_index].stereo =
-      std::make_unique<StereoToDepth>(std::move(*rectification), **space, own);
+  lanes[sensor_index].stereo = std::make_unique<StereoToDepth>(std::move(*rectification), own);
   lanes[sensor_index].stereo->set_exposure_mask(exposure_mask(sensor, rays, wagon));
   return {};
 }
 
-SensorFrame Pipeline::State::matched(std::size_t sensor_index, const SensorFrame& pair,
-                                     bool whole) {
+SensorFrame Pipeline::State::matched(std::size_t sensor_index, const SensorFrame& pair, bool whole,
+                                     WorkerSpace& space) {
   if (pair.state != FrameState::kPresent || pair.slot == nullptr) return pair;
   SensorLane& lane = lanes[sensor_index];
-  gather_regions(sensor_index);
-  const DepthImage image = lane.stereo->convert(*pair.slot, whole, regions.span());
+  gather_regions(sensor_index, space.regions);
+  const DepthImage image = lane.stereo->convert(*pair.slot, whole, space.regions.span(),
+                                                *space.stereo_of(lane.stereo->camera()));
   if (image.pixels == nullptr) return {FrameState::kUnusable, nullptr, pair.skew};
   lane.depth_slot = *pair.slot;
   lane.depth_slot.format = PixelFormat::kDepth16;
@@ -56,7 +61,8 @@ bool Pipeline::State::learns_from(std::size_t sensor_index, const SensorFrame& p
 }
 
 // Feedback is the last FrameSet's data and nothing else.
-void Pipeline::State::gather_regions(std::size_t sensor_index) {
+void Pipeline::State::gather_regions(std::size_t sensor_index,
+                                     BoundedVector<PixelRect>& regions) const {
   regions.clear();
   const SensorLane& lane = lanes[sensor_index];
   for (const Blob& blob : lane.foreground->blobs)

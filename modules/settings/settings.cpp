@@ -43,6 +43,13 @@ void read_pipeline(const toml::table& table, Mistakes& mistakes, PipelineSetting
   reader.finish();
 }
 
+void read_processing(const toml::table& table, Mistakes& mistakes, ProcessingSettings& processing) {
+  TableReader reader(table, "processing", mistakes);
+  std::int64_t workers = processing.workers;
+  if (reader.integer("workers", workers, 0, 8)) processing.workers = static_cast<int>(workers);
+  reader.finish();
+}
+
 void read_stereo(const toml::table& table, Mistakes& mistakes, StereoSettings& stereo) {
   TableReader reader(table, "stereo", mistakes);
   reader.choice("mode", stereo.mode, {"fast", "accurate"});
@@ -210,6 +217,8 @@ Settings read_all(const toml::table& file, std::string_view file_name, Mistakes&
   if (const auto* unit = root.table("unit")) read_unit(*unit, mistakes, settings.unit);
   if (const auto* pipeline = root.table("pipeline"))
     read_pipeline(*pipeline, mistakes, settings.pipeline);
+  if (const auto* processing = root.table("processing"))
+    read_processing(*processing, mistakes, settings.processing);
   if (const auto* stereo = root.table("stereo")) read_stereo(*stereo, mistakes, settings.stereo);
   settings.wagon = read_wagon(root, mistakes);
   read_sensors(root, file_name, mistakes, settings.sensors);

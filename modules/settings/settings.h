@@ -31,6 +31,12 @@ struct PipelineSettings {
   bool compensate_skew = true;
 };
 
+struct ProcessingSettings {
+  // Threads that share the sensors of an instant; nothing that is told depends on it. 0: two where
+  // there is a stereo camera and a second processor, else one.
+  int workers = 0;
+};
+
 // Of every stereo camera of the unit; see modules/stereo.
 struct StereoSettings {
   std::string mode = "fast";    // or "accurate"
@@ -93,6 +99,7 @@ struct DemoSettings {
 struct Settings {
   UnitSettings unit;
   PipelineSettings pipeline;
+  ProcessingSettings processing;
   StereoSettings stereo;
   std::optional<Wagon> wagon;           // nothing: taken from the scene, or found in the recording
   std::vector<SensorSettings> sensors;  // none, but a scene: all of the scene's, simulated

@@ -12,6 +12,11 @@ namespace {
 constexpr int kHalfPatch = 5;
 constexpr int kPatchPixels = (2 * kHalfPatch + 1) * (2 * kHalfPatch + 1);
 constexpr int kRowsMax = 8;
+constexpr int kBorder = kHalfPatch + 2;  // room for the patch and its gradients
+
+int border_rows(const AlignmentOptions& options) {
+  return kBorder + options.rows_searched;
+}
 
 float gray(const GrayImage& image, int x, int y) {
   const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
@@ -44,10 +49,36 @@ std::optional<Patch> patch_at(const GrayImage& image, int x, int y) {
   return patch;
 }
 
-float correlation(const Patch& a, const Patch& b) {
-  float sum = 0;
-  for (int k = 0; k < kPatchPixels; ++k) sum += a.values[k] * b.values[k];
-  return sum;
+// The correlation of a patch with the pixels around (x, y), in one pass: the first patch has no
+// mean, so the other's does not count. Sums of squares are whole numbers, so nothing cancels.
+template <class Gray>
+float correlation_at(const Patch& patch, const GrayImage& image, int x, int y, unsigned scale) {
+  std::uint64_t squares = 0;
+  std::uint32_t sum = 0;
+  float product[2 * kHalfPatch + 1] = {};
+  const float* wanted = patch.values;
+  for (int dy = -kHalfPatch; dy <= kHalfPatch; ++dy) {
+    const Gray* row = static_cast<const Gray*>(image.pixels) +
+                      static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(image.width) +
+                      static_cast<std::size_t>(x - kHalfPatch);
+    for (int k = 0; k <= 2 * kHalfPatch; ++k) {
+      const std::uint32_t value = row[k] * scale;
+      sum += value;
+      squares += std::uint64_t{value} * value;
+      product[k] += wanted[k] * static_cast<float>(static_cast<int>(value));
+    }
+    wanted += 2 * kHalfPatch + 1;
+  }
+  const double mean = static_cast<double>(sum) / kPatchPixels;
+  const double rest = static_cast<double>(squares) - mean * static_cast<double>(sum);
+  if (rest < kPatchPixels) return -1.0F;  // flat: less than one gray level of 4095
+  float total = 0;
+  for (const float part : product) total += part;
+  return total / static_cast<float>(std::sqrt(rest));
+}
+float correlation(const Patch& patch, const GrayImage& image, int x, int y) {
+  return image.format == PixelFormat::kGray8 ? correlation_at<std::uint8_t>(patch, image, x, y, 16)
+                                             : correlation_at<std::uint16_t>(patch, image, x, y, 1);
 }
 
 // The smaller eigenvalue of the structure tensor (Shi and Tomasi 1994).
@@ -73,20 +104,45 @@ float median(BoundedVector<float>& values) {
 }  // namespace
 
 AlignmentCheck::AlignmentCheck(int width, int height, const AlignmentOptions& options)
-    : options_(options) {
+    : options_(options), width_(width), height_(height) {
   WS_CHECK(options.cell_px >= 8 && options.rows_searched >= 1 && options.rows_searched <= kRowsMax,
            "cell %d, rows %d", options.cell_px, options.rows_searched);
   const auto cells = [&](int size) { return static_cast<std::size_t>(size / options.cell_px + 1); };
   const std::size_t count = cells(width) * cells(height);
+  bands_ = std::max(1, (height - 2 * border_rows(options) + options.cell_px - 1) / options.cell_px);
   corners_ = BoundedVector<Corner>(count);
   offsets_ = BoundedVector<float>(count);
   deviations_ = BoundedVector<float>(count);
 }
 
-RowAlignment AlignmentCheck::measure(const GrayImage& left, const GrayImage& right) {
-  find_corners(left);
-  offsets_.clear();
+int AlignmentCheck::first_row(int band) const {
+  return border_rows(options_) + band * options_.cell_px;
+}
+
+int AlignmentCheck::end_row(int band) const {
+  return std::min(first_row(band) + options_.cell_px, height_ - border_rows(options_));
+}
+
+PixelRect AlignmentCheck::rows_of(int band) const {
+  const int around = border_rows(options_);
+  return {0, std::max(first_row(band) - around, 0), width_,
+          std::min(std::max(end_row(band), 0) + around, height_)};
+}
+
+void AlignmentCheck::measure_band(const GrayImage& left, const GrayImage& right, int band) {
+  WS_CHECK(left.width == width_ && left.height == height_ && band >= 0 && band < bands_,
+           "%d x %d, made for %d x %d, band %d", left.width, left.height, width_, height_, band);
+  find_corners(left, band);
   for (const Corner& corner : corners_) find_offset(left, right, corner);
+}
+
+RowAlignment AlignmentCheck::measure(const GrayImage& left, const GrayImage& right) {
+  begin();
+  for (int band = 0; band < bands_; ++band) measure_band(left, right, band);
+  return result();
+}
+
+RowAlignment AlignmentCheck::result() {
   RowAlignment result;
   result.features = static_cast<int>(offsets_.size());
   if (offsets_.empty()) return result;
@@ -101,20 +157,16 @@ RowAlignment AlignmentCheck::measure(const GrayImage& left, const GrayImage& rig
   return result;
 }
 
-void AlignmentCheck::find_corners(const GrayImage& left) {
+void AlignmentCheck::find_corners(const GrayImage& left, int band) {
   corners_.clear();
-  // Room for the patch, its gradients and the rows searched.
-  const int border = kHalfPatch + 2, rows = border + options_.rows_searched;
-  const int x_first = border + options_.disparity_min;
-  for (int y0 = rows; y0 < left.height - rows; y0 += options_.cell_px)
-    for (int x0 = x_first; x0 < left.width - border; x0 += options_.cell_px) {
-      // Two gray levels of 4095 in either direction over the window: above any imager's noise.
-      double strength = 5000;
-      const Corner best =
-          best_corner(left, x0, y0, std::min(x0 + options_.cell_px, left.width - border),
-                      std::min(y0 + options_.cell_px, left.height - rows), strength);
-      if (best.x >= 0 && !corners_.try_push_back(best)) return;
-    }
+  for (int x0 = kBorder + options_.disparity_min; x0 < width_ - kBorder; x0 += options_.cell_px) {
+    // Two gray levels of 4095 in either direction over the window: above any imager's noise.
+    double strength = 5000;
+    const Corner best =
+        best_corner(left, x0, first_row(band), std::min(x0 + options_.cell_px, width_ - kBorder),
+                    end_row(band), strength);
+    if (best.x >= 0 && !corners_.try_push_back(best)) return;
+  }
 }
 
 AlignmentCheck::Corner AlignmentCheck::best_corner(const GrayImage& left, int x0, int y0, int x1,
@@ -141,8 +193,8 @@ void AlignmentCheck::find_offset(const GrayImage& left, const GrayImage& right,
          ++d) {
       const int x = corner.x - d;
       if (x < kHalfPatch) break;
-      if (const auto seen = patch_at(right, x, corner.y + dy))
-        by_row[dy + rows] = std::max(by_row[dy + rows], correlation(*wanted, *seen));
+      by_row[dy + rows] =
+          std::max(by_row[dy + rows], correlation(*wanted, right, x, corner.y + dy));
     }
   const int best = static_cast<int>(std::max_element(by_row, by_row + 2 * rows + 1) - by_row);
   // At the search's end the best may lie beyond it.

@@ -26,23 +26,37 @@ struct AlignmentOptions {
   double correlation_min = 0.9;
 };
 
-// A slow check (some milliseconds a call at 769 x 448), for once in some seconds. Allocates at
-// construction only; one thread at a time.
+// A slow check (some milliseconds at 769 x 448), for once in some seconds, in bands of rows that
+// may come from one instant after the other. Allocates at construction only; one thread at a time.
+//
+//     begin() -> measure_band() for each band -> result()
 class AlignmentCheck {
  public:
   explicit AlignmentCheck(int width, int height, const AlignmentOptions& options = {});
 
+  int bands() const { return bands_; }
+  // What is read of either image for a band.
+  PixelRect rows_of(int band) const;
+  void begin() { offsets_.clear(); }
+  void measure_band(const GrayImage& left, const GrayImage& right, int band);
+  RowAlignment result();
+
+  // All bands of one pair.
   RowAlignment measure(const GrayImage& left, const GrayImage& right);
 
  private:
   struct Corner {
     int x, y;
   };
-  void find_corners(const GrayImage& left);
+  // The rows in which a band's corners are sought.
+  int first_row(int band) const;
+  int end_row(int band) const;
+  void find_corners(const GrayImage& left, int band);
   Corner best_corner(const GrayImage& left, int x0, int y0, int x1, int y1, double& strength) const;
   void find_offset(const GrayImage& left, const GrayImage& right, const Corner& corner);
 
   AlignmentOptions options_;
+  int width_, height_, bands_;
   BoundedVector<Corner> corners_;
   BoundedVector<float> offsets_;
   BoundedVector<float> deviations_;

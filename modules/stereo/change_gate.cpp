@@ -63,10 +63,16 @@ ChangeGate::ChangeGate(int width, int height, const ChangeGateOptions& options)
 }
 
 std::span<const PixelRect> ChangeGate::regions(const GrayImage& left, bool whole,
-                                               std::span<const PixelRect> feedback) {
+                                               std::span<const PixelRect> feedback,
+                                               RectifyTable table) {
   WS_CHECK(left.width == width_ && left.height == height_, "%d x %d, made for %d x %d", left.width,
            left.height, width_, height_);
-  take_samples(left);
+  if (table.empty())
+    take_samples(left);
+  else if (left.format == PixelFormat::kGray8)
+    take_samples_by_table<std::uint8_t>(left, table, 16);
+  else
+    take_samples_by_table<std::uint16_t>(left, table, 1);
   std::fill_n(marked_.data(), marked_.size(), std::uint8_t{0});
   if (has_reference_) mark_changes();
   regions_.clear();
@@ -109,6 +115,30 @@ void ChangeGate::take_samples(const GrayImage& image) {
     for (; column < sample_columns_; ++column)
       out[column] = sample_of(image, std::min(2 * column, width_ - 1), y);
     out += sample_columns_;
+  }
+}
+
+// The four pixels that rectification would blend, without its weights: these do not change, and all
+// of a rectified image would cost more than finding out that little of it is needed.
+template <class Gray>
+void ChangeGate::take_samples_by_table(const GrayImage& image, RectifyTable table, unsigned scale) {
+  WS_CHECK(table.size() == static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_),
+           "%zu entries for %d x %d", table.size(), width_, height_);
+  const auto* pixels = static_cast<const Gray*>(image.pixels);
+  const auto below = static_cast<std::size_t>(image.width);
+  std::uint16_t* out = samples_.data();
+  for (int row = 0; row < sample_rows_; ++row, out += sample_columns_) {
+    const RectifyEntry* entries =
+        table.data() +
+        static_cast<std::size_t>(std::min(2 * row, height_ - 1)) * static_cast<std::size_t>(width_);
+    for (int column = 0; column < sample_columns_; ++column) {
+      const RectifyEntry entry = entries[std::min(2 * column, width_ - 1)];
+      const Gray* at = pixels + ((entry & ~kOutsideSource) >> 10);
+      const unsigned sum =
+          (static_cast<unsigned>(at[0]) + at[1] + at[below] + at[below + 1]) * scale;
+      const unsigned mean = std::min((sum + 2) / 4, 16383U);
+      out[column] = entry == kOutsideSource ? std::uint16_t{0} : static_cast<std::uint16_t>(mean);
+    }
   }
 }
 

@@ -7,6 +7,7 @@
 #include "base/bounded_vector.h"
 #include "stereo/aligned_array.h"
 #include "stereo/gray_image.h"
+#include "stereo/rectify.h"
 
 // Where a pair has to be matched again: only where the image differs from what it was when that
 // place was last matched. What has not changed keeps its disparity, a motionless passenger's too.
@@ -29,9 +30,11 @@ class ChangeGate {
   // The regions to be matched, disjoint, clipped to the image; valid until the next call, which
   // takes them as matched. `whole` asks for all of the image (while learning, and at a slow
   // rhythm); `feedback` are regions that are matched in any case (of tracks and foreground). The
-  // first call gives the whole image. Does not allocate; one thread at a time.
+  // first call gives the whole image. With a table, `left` is the camera's own image, which is
+  // looked at where the table says; regions are of the rectified one. Does not allocate; one
+  // thread at a time.
   std::span<const PixelRect> regions(const GrayImage& left, bool whole,
-                                     std::span<const PixelRect> feedback);
+                                     std::span<const PixelRect> feedback, RectifyTable table = {});
 
   // Share of the tiles that differed in the last call, before margins; 0 .. 1.
   double changed_share() const { return changed_share_; }
@@ -41,6 +44,8 @@ class ChangeGate {
     double mean, mean_reference, variance, variance_reference, covariance;
   };
   void take_samples(const GrayImage& image);
+  template <class Gray>
+  void take_samples_by_table(const GrayImage& image, RectifyTable table, unsigned scale);
   Tile measure(int column, int row) const;
   double gain_of_all();
   static double rest_of(const Tile& tile, double gain);
@@ -59,7 +64,7 @@ class ChangeGate {
   ChangeGateOptions options_;
   int width_, height_;
   int columns_, rows_;                // of tiles
-  int sample_columns_, sample_rows_;  // means of 2 x 2 pixels
+  int sample_columns_, sample_rows_;  // means of 2 x 2 pixels, of the camera's own image
   bool has_reference_ = false;
   double changed_share_ = 0;
   AlignedArray<std::uint16_t> samples_, reference_;

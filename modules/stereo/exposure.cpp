@@ -44,7 +44,7 @@ double wanted_ratio(const ExposureStatistics& seen, const ExposureTarget& target
 }  // namespace
 
 ExposureStatistics measure_exposure(const GrayImage& image, std::span<const std::uint64_t> mask,
-                                    int full_scale) {
+                                    int full_scale, RectifyTable table) {
   ExposureStatistics statistics;
   const int dark_below = static_cast<int>(kDark * full_scale);
   const int bright_from = static_cast<int>(kBright * full_scale);
@@ -55,9 +55,11 @@ ExposureStatistics measure_exposure(const GrayImage& image, std::span<const std:
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
                              static_cast<std::size_t>(x);
       if (!mask.empty() && (mask[at / 64] >> (at % 64) & 1) == 0) continue;
+      if (!table.empty() && table[at] == kOutsideSource) continue;
+      const std::size_t pixel = table.empty() ? at : table[at] >> 10;
       const int gray = image.format == PixelFormat::kGray8
-                           ? static_cast<const std::uint8_t*>(image.pixels)[at]
-                           : static_cast<const std::uint16_t*>(image.pixels)[at];
+                           ? static_cast<const std::uint8_t*>(image.pixels)[pixel]
+                           : static_cast<const std::uint16_t*>(image.pixels)[pixel];
       sum += static_cast<std::uint64_t>(std::min(gray, full_scale));
       dark += gray < dark_below;
       bright += gray >= bright_from;

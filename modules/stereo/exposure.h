@@ -4,6 +4,7 @@
 #include <span>
 
 #include "stereo/gray_image.h"
+#include "stereo/rectify.h"
 
 // Shutter and gain from what the last image looked like: a pure function of the image's statistics
 // and the settings it was taken with. The driver applies what comes out.
@@ -18,9 +19,10 @@ struct ExposureStatistics {
 
 // Looks at every fourth pixel in both directions that is inside. `mask` has a bit a pixel, row by
 // row (1 inside: no window, no screen); empty means all. `full_scale` is the largest gray value
-// (255, 4095). Does not allocate.
+// (255, 4095). With a table, `image` is the camera's own and `mask` of the rectified one. Does not
+// allocate.
 ExposureStatistics measure_exposure(const GrayImage& image, std::span<const std::uint64_t> mask,
-                                    int full_scale);
+                                    int full_scale, RectifyTable table = {});
 
 struct ExposureSettings {
   double shutter_us = 2000;

@@ -147,16 +147,34 @@ void StereoMatcher::match(const GrayImage& left, const GrayImage& right,
 
 void StereoMatcher::match_regions(const GrayImage& left, const GrayImage& right,
                                   std::span<const PixelRect> regions,
-                                  ImageView<std::int16_t> disparity) {
+                                  ImageView<std::int16_t> disparity, const GrayImage& bright_as) {
   const Pair pair{left, right};
   check_images(pair, disparity);
   if (regions.empty()) return;
-  measure_brightness(left);
+  WS_CHECK(bright_as.width == width_ && bright_as.height == height_, "%d x %d", bright_as.width,
+           bright_as.height);
+  measure_brightness(bright_as);
   for (const PixelRect& region : regions) {
     const PixelRect inner{std::max(region.x0, 0), std::max(region.y0, 0),
                           std::min(region.x1, width_), std::min(region.y1, height_)};
     if (!inner.empty()) match_rect(pair, inner, disparity);
   }
+}
+
+// The paths' run-up, the window and the census.
+PixelRect StereoMatcher::reach_left(const PixelRect& region) const {
+  const int around = context_px() + 1 + stereo_kernels::kCensusReach;
+  return {std::max(region.x0 - around, 0), std::max(region.y0 - around, 0),
+          std::min(region.x1 + around, width_), std::min(region.y1 + around, height_)};
+}
+
+PixelRect StereoMatcher::reach_right(const PixelRect& region) const {
+  PixelRect rect = reach_left(region);
+  rect.x0 = std::max(rect.x0 - options_.disparity_min - options_.disparity_count, 0);
+  // Where all that is searched lies beyond the edge, its column is read.
+  rect.x1 =
+      std::max(rect.x1 - options_.disparity_min, std::min(stereo_kernels::kCensusReach, width_));
+  return rect;
 }
 
 void StereoMatcher::match_rect(const Pair& pair, const PixelRect& inner,

@@ -56,7 +56,18 @@ class StereoMatcher {
   // side for the computation. What lies elsewhere in `disparity` is kept; an island that
   // touches a region's border is not taken for a small one.
   void match_regions(const GrayImage& left, const GrayImage& right,
-                     std::span<const PixelRect> regions, ImageView<std::int16_t> disparity);
+                     std::span<const PixelRect> regions, ImageView<std::int16_t> disparity) {
+    match_regions(left, right, regions, disparity, left);
+  }
+  // Where of left and right no more is there than reach_left() and reach_right() of the regions:
+  // `bright_as` is a whole image of the left one's mean brightness (as it was before
+  // rectification), of this size.
+  void match_regions(const GrayImage& left, const GrayImage& right,
+                     std::span<const PixelRect> regions, ImageView<std::int16_t> disparity,
+                     const GrayImage& bright_as);
+  // What is read of either image for a region, clipped to it.
+  PixelRect reach_left(const PixelRect& region) const;
+  PixelRect reach_right(const PixelRect& region) const;
 
   int width() const { return width_; }
   int height() const { return height_; }

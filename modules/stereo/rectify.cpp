@@ -93,4 +93,16 @@ void rectify(const GrayImage& source, RectifyTable table, void* out) {
                  static_cast<std::uint16_t*>(out));
 }
 
+void rectify_part(const GrayImage& source, RectifyTable table, const PixelRect& part, void* out) {
+  constexpr int kTogether = 16;  // as many as the widest kernel makes at a time
+  const int x0 = part.x0 / kTogether * kTogether;
+  const int x1 = std::min((part.x1 + kTogether - 1) / kTogether * kTogether, source.width);
+  const std::size_t row = static_cast<std::size_t>(source.width);
+  for (int y = part.y0; y < part.y1 && x0 < x1; ++y) {
+    const std::size_t first = static_cast<std::size_t>(y) * row + static_cast<std::size_t>(x0);
+    rectify(source, table.subspan(first, static_cast<std::size_t>(x1 - x0)),
+            static_cast<std::byte*>(out) + first * bytes_per_pixel(source.format));
+  }
+}
+
 }  // namespace wagonsight

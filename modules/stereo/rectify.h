@@ -47,5 +47,8 @@ Result<StereoRectification> make_rectification(const Camera& left, const Camera&
 // kOutsideSource. The source has the format's pixels (kGray8 or kGray16 below 2^15), `out` the same
 // format and as many pixels as the table. Does not allocate; the same bytes on every processor.
 void rectify(const GrayImage& source, RectifyTable table, void* out);
+// The same for a part of the rectified image, which is of the source's size; `table` and `out` are
+// the whole image's. Some pixels beside the part may be written, too.
+void rectify_part(const GrayImage& source, RectifyTable table, const PixelRect& part, void* out);
 
 }  // namespace wagonsight

@@ -7,6 +7,15 @@
 #include "base/check.h"
 
 namespace wagonsight {
+namespace {
+
+// As the camera took it; image 0 is the left one.
+GrayImage raw_image(const FrameSlot& slot, int index) {
+  return {slot.bytes.data() + static_cast<std::size_t>(index) * slot.image_bytes(), slot.format,
+          slot.width, slot.height};
+}
+
+}  // namespace
 
 Result<std::unique_ptr<StereoWorkspace>> StereoWorkspace::create(int width, int height,
                                                                  const MatcherOptions& options) {
@@ -21,38 +30,33 @@ StereoWorkspace::StereoWorkspace(StereoMatcher the_matcher)
       right(left.size()),
       disparity(left.size()) {}
 
-StereoToDepth::StereoToDepth(StereoRectification rectification, StereoWorkspace& workspace,
-                             const StereoToDepthOptions& options)
+StereoToDepth::StereoToDepth(StereoRectification rectification, const StereoToDepthOptions& options)
     : rectification_(std::move(rectification)),
-      workspace_(&workspace),
       options_(options),
       gate_(rectification_.camera.width, rectification_.camera.height, options.gate),
       table_(rectification_.camera.fx, rectification_.baseline, options.far_m),
       alignment_(rectification_.camera.width, rectification_.camera.height,
                  {.disparity_min = options.matcher.disparity_min,
                   .disparity_count = options.matcher.disparity_count}),
-      depth_(workspace.left.size()) {
-  WS_CHECK(workspace.fits(rectification_.camera.width, rectification_.camera.height), "%d x %d",
-           rectification_.camera.width, rectification_.camera.height);
-}
+      depth_(static_cast<std::size_t>(rectification_.camera.width) *
+             static_cast<std::size_t>(rectification_.camera.height)) {}
 
-// Image 0 is the left one. Only its rows [first_row, end_row) are made.
-GrayImage StereoToDepth::rectified(const FrameSlot& slot, int index, int first_row, int end_row) {
-  const GrayImage raw{slot.bytes.data() + static_cast<std::size_t>(index) * slot.image_bytes(),
-                      slot.format, slot.width, slot.height};
-  const auto& table = index == 0 ? rectification_.left : rectification_.right;
-  if (table.empty()) return raw;
+// Image 0 is the left one. Only what rectify_rect() was asked for is there of it.
+GrayImage StereoToDepth::rectified(const FrameSlot& slot, int index) {
+  if (table_of(index).empty()) return raw_image(slot, index);
   AlignedArray<std::uint16_t>& out = index == 0 ? workspace_->left : workspace_->right;
-  const auto row = static_cast<std::size_t>(slot.width);
-  const std::size_t first = static_cast<std::size_t>(first_row) * row;
-  rectify(raw, RectifyTable(table).subspan(first, static_cast<std::size_t>(end_row) * row - first),
-          reinterpret_cast<std::byte*>(out.data()) + first * bytes_per_pixel(slot.format));
   return {out.data(), slot.format, slot.width, slot.height};
 }
 
-void StereoToDepth::judge_exposure(const FrameSlot& slot, const GrayImage& left) {
+void StereoToDepth::rectify_rect(const FrameSlot& slot, int index, const PixelRect& rect) {
+  if (table_of(index).empty()) return;
+  AlignedArray<std::uint16_t>& out = index == 0 ? workspace_->left : workspace_->right;
+  rectify_part(raw_image(slot, index), table_of(index), rect, out.data());
+}
+
+void StereoToDepth::judge_exposure(const FrameSlot& slot) {
   const int full_scale = slot.format == PixelFormat::kGray8 ? 255 : options_.full_scale;
-  report_.seen = measure_exposure(left, mask_, full_scale);
+  report_.seen = measure_exposure(raw_image(slot, 0), mask_, full_scale, rectification_.left);
   const ExposureDecision decision = next_exposure(
       report_.seen,
       {static_cast<double>(slot.exposure.shutter_us), static_cast<double>(slot.exposure.gain_db)},
@@ -69,19 +73,16 @@ bool StereoToDepth::wants_whole(HostTime instant) const {
   return !has_matched_whole_ || to_seconds(instant - matched_whole_) >= options_.whole_every_s;
 }
 
-void StereoToDepth::match(const FrameSlot& slot, const GrayImage& left,
-                          std::span<const PixelRect> regions) {
-  const int width = left.width, height = left.height;
-  constexpr int kRowsAround = 16;  // the paths' run-up, and the census
-  int first_row = height, end_row = 0;
+void StereoToDepth::match(const FrameSlot& slot, std::span<const PixelRect> regions) {
+  const int width = slot.width, height = slot.height;
+  StereoMatcher& matcher = workspace_->matcher;
   for (const PixelRect& region : regions) {
-    first_row = std::min(first_row, region.y0);
-    end_row = std::max(end_row, region.y1);
+    rectify_rect(slot, 0, matcher.reach_left(region));
+    rectify_rect(slot, 1, matcher.reach_right(region));
   }
-  const GrayImage right = rectified(slot, 1, std::max(first_row - kRowsAround, 0),
-                                    std::min(end_row + kRowsAround, height));
   const ImageView<std::int16_t> disparity{workspace_->disparity.data(), width, height};
-  workspace_->matcher.match_regions(left, right, regions, disparity);
+  matcher.match_regions(rectified(slot, 0), rectified(slot, 1), regions, disparity,
+                        raw_image(slot, 0));
   // Elsewhere the disparities are another camera's, and the depth stays what it was.
   const ImageView<std::uint16_t> depth{depth_.data(), width, height};
   for (const PixelRect& region : regions)
@@ -91,46 +92,60 @@ void StereoToDepth::match(const FrameSlot& slot, const GrayImage& left,
   matched_whole_ = slot.instant;
   if (!has_matched_whole_) matched_whole_ -= from_seconds(options_.whole_phase_s);
   has_matched_whole_ = true;
-  check_alignment(slot.instant, left, right);
 }
 
 DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
-                                  std::span<const PixelRect> feedback) {
+                                  std::span<const PixelRect> feedback, StereoWorkspace& workspace) {
   const int width = rectification_.camera.width, height = rectification_.camera.height;
+  WS_CHECK(workspace.fits(width, height), "workspace of %d x %d for %d x %d",
+           workspace.matcher.width(), workspace.matcher.height(), width, height);
+  workspace_ = &workspace;
   const bool is_gray = slot.format == PixelFormat::kGray8 || slot.format == PixelFormat::kGray16;
   if (!is_gray || slot.width != width || slot.height != height ||
       slot.bytes.size() < 2 * slot.image_bytes()) {
     ++report_.refused;
     return {};
   }
-  const GrayImage left = rectified(slot, 0, 0, height);
-  judge_exposure(slot, left);
+  judge_exposure(slot);
   report_.matched_share = 0;
   if (!report_.usable) return {};  // the gate's reference stays what it was
   // What does not change keeps its depth; it is looked at again at a rhythm.
   const bool feeds_back = to_seconds(slot.instant - fed_back_) >= options_.feedback_every_s;
   if (feeds_back) fed_back_ = slot.instant;
-  const auto regions = gate_.regions(left, whole || wants_whole(slot.instant),
-                                     feeds_back ? feedback : std::span<const PixelRect>{});
+  const auto regions =
+      gate_.regions(raw_image(slot, 0), whole || wants_whole(slot.instant),
+                    feeds_back ? feedback : std::span<const PixelRect>{}, rectification_.left);
   std::int64_t matched = 0;
   for (const PixelRect& r : regions)
     matched += static_cast<std::int64_t>(r.x1 - r.x0) * (r.y1 - r.y0);
   const auto all = static_cast<std::int64_t>(width) * height;
   report_.matched_share = static_cast<double>(matched) / static_cast<double>(all);
-  if (matched > 0) match(slot, left, regions);
+  if (matched > 0) match(slot, regions);
+  check_alignment(slot);
   return {depth_.data(), width, height};
 }
 
+// A band of rows at a time, so that no instant waits long for it.
+void StereoToDepth::check_alignment(const FrameSlot& slot) {
+  if (options_.aligned_every_s <= 0) return;
+  const double band_every_s = options_.aligned_every_s / alignment_.bands();
+  if (has_checked_ && to_seconds(slot.instant - checked_) < band_every_s) return;
+  has_checked_ = true;
+  checked_ = slot.instant;
+  if (next_band_ == 0) alignment_.begin();
+  const PixelRect rows = alignment_.rows_of(next_band_);
+  for (const int index : {0, 1}) rectify_rect(slot, index, rows);
+  alignment_.measure_band(rectified(slot, 0), rectified(slot, 1), next_band_);
+  if (++next_band_ < alignment_.bands()) return;
+  next_band_ = 0;
+  judge_alignment();
+}
+
 // The figure follows the checks slowly, so that one of a crowd close by does not count for much.
-void StereoToDepth::check_alignment(HostTime instant, const GrayImage& left,
-                                    const GrayImage& right) {
+void StereoToDepth::judge_alignment() {
   constexpr int kInARow = 3;
   constexpr double kGain = 0.5;
-  if (options_.aligned_every_s <= 0) return;
-  if (has_checked_ && to_seconds(instant - checked_) < options_.aligned_every_s) return;
-  has_checked_ = true;
-  checked_ = instant;
-  const RowAlignment rows = alignment_.measure(left, right);
+  const RowAlignment rows = alignment_.result();
   if (!rows.reliable) return;
   const double gain = report_.row_checks++ == 0 ? 1.0 : kGain;
   report_.row_offset_px += gain * (rows.median_offset_px - report_.row_offset_px);

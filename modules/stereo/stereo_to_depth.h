@@ -25,15 +25,16 @@ struct StereoToDepthOptions {
   double whole_every_s = 4.0;     // the whole image is matched at least this often
   double feedback_every_s = 0.5;  // the regions of feedback are matched this often, changes always
   double whole_phase_s = 0.0;     // so much earlier the first time: cameras take turns
-  double aligned_every_s = 5.0;   // the rows' alignment is checked this often; 0: never
+  double aligned_every_s = 5.0;   // the rows' alignment is known this often; 0: never
   double misaligned_px = 1.0;     // half of the census window: from here on matches go wrong
   double far_m = 20.0;            // farther readings are dropped
   int full_scale = 4095;          // the largest gray value
   ExposureLimits exposure;
 };
 
-// What cameras of one size share, because they are converted one after the other: the matcher's
-// memory and the images of the pair in work.
+// What converting one pair needs to write in: the matcher's memory and the images of the pair in
+// work. Nothing of it lasts until the next pair, so the cameras of one size that one thread
+// converts share one.
 class StereoWorkspace {
  public:
   // Allocates. The Error is the matcher's.
@@ -67,9 +68,9 @@ struct StereoReport {
 class StereoToDepth {
  public:
   // Allocates everything convert() needs; `rectification` is moved in. Without tables the images
-  // are taken for rectified ones. `workspace` is of this size and must outlive this.
-  StereoToDepth(StereoRectification rectification, StereoWorkspace& workspace,
-                const StereoToDepthOptions& options = {});
+  // are taken for rectified ones.
+  explicit StereoToDepth(StereoRectification rectification,
+                         const StereoToDepthOptions& options = {});
 
   // Pixels that say something of the light: a bit a pixel of the rectified image, 1 inside (no
   // window, no screen). All of them without it. Allocates.
@@ -77,10 +78,12 @@ class StereoToDepth {
 
   // The slot holds the left image and then the right one, of the rectification's size, as kGray8 or
   // kGray16. `whole` asks for the whole image (while the background is learned), `feedback` for
-  // regions of the rectified left image that are matched in any case. The depth image is this
-  // object's, valid until the next call; an empty one (no pixels) when the slot does not fit or the
-  // image is unusable, which is told. Never allocates; one thread at a time.
-  DepthImage convert(const FrameSlot& slot, bool whole, std::span<const PixelRect> feedback);
+  // regions of the rectified left image that are matched in any case. `workspace` is of this size,
+  // any one each time. The depth image is this object's, valid until the next call; an empty one
+  // (no pixels) when the slot does not fit or the image is unusable, which is told. Never
+  // allocates; one thread at a time, and one at a time in a workspace.
+  DepthImage convert(const FrameSlot& slot, bool whole, std::span<const PixelRect> feedback,
+                     StereoWorkspace& workspace);
 
   // Of the image that convert() returned last.
   std::span<std::byte> depth_bytes() {
@@ -91,14 +94,19 @@ class StereoToDepth {
   const Camera& camera() const { return rectification_.camera; }
 
  private:
-  GrayImage rectified(const FrameSlot& slot, int index, int first_row, int end_row);
-  void judge_exposure(const FrameSlot& slot, const GrayImage& left);
+  const std::vector<RectifyEntry>& table_of(int index) const {
+    return index == 0 ? rectification_.left : rectification_.right;
+  }
+  GrayImage rectified(const FrameSlot& slot, int index);
+  void rectify_rect(const FrameSlot& slot, int index, const PixelRect& rect);
+  void judge_exposure(const FrameSlot& slot);
   bool wants_whole(HostTime instant) const;
-  void match(const FrameSlot& slot, const GrayImage& left, std::span<const PixelRect> regions);
-  void check_alignment(HostTime instant, const GrayImage& left, const GrayImage& right);
+  void match(const FrameSlot& slot, std::span<const PixelRect> regions);
+  void check_alignment(const FrameSlot& slot);
+  void judge_alignment();
 
   StereoRectification rectification_;
-  StereoWorkspace* workspace_;
+  StereoWorkspace* workspace_ = nullptr;  // during a call
   StereoToDepthOptions options_;
   ChangeGate gate_;
   DepthTable table_;
@@ -107,6 +115,7 @@ class StereoToDepth {
   AlignedArray<std::uint16_t> depth_;
   bool has_matched_whole_ = false, has_checked_ = false;
   HostTime matched_whole_{}, fed_back_{}, checked_{};
+  int next_band_ = 0;  // of the alignment check
   int misaligned_in_a_row_ = 0;
   StereoReport report_;
 };

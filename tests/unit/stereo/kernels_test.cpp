@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "stereo/matcher_kernels.h"
+#include "support/sanitized.h"
 
 // The kernels of this processor against the scalar specification, on random rows.
+
 namespace wagonsight::stereo_kernels {
 namespace {
 
@@ -146,7 +148,7 @@ TEST_P(KernelsTest, MediansAreEqual) {
   EXPECT_EQ(out[0], out[1]);
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, KernelsTest, testing::Range(0, 40));
+INSTANTIATE_TEST_SUITE_P(Seeds, KernelsTest, testing::Range(0, test::cases(40, 6)));
 
 // The bent equiangular fit, for every pair of rises.
 TEST(Kernels, SubpixelPartsAreTheRoundedFit) {
