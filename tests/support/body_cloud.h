@@ -28,7 +28,7 @@ inline void add_point(FusedCloud& cloud, double x, double y, double z, const See
   point.sensors = 1;
   const auto index = static_cast<std::uint32_t>(cloud.points.size());
   if (!cloud.points.try_push_back(point)) return;
-  (void)cloud.contributions.try_push_back({index, 4, 300, 200, 3.0F, 0, 0});
+  (void)cloud.contributions.try_push_back({index, 3.0F, 4, 300, 200, 0, 0});
 }
 
 // An upright elliptical column, closed on top when it is seen from all around.
