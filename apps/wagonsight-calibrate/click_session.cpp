@@ -12,6 +12,7 @@ namespace wagonsight {
 namespace {
 
 constexpr std::size_t kUndoMax = 1000;
+constexpr double kMoved_px = 1e-4;  // the page rounds what it sends back to 1e-5
 
 bool exists(const std::string& path) {
   std::error_code error;
@@ -21,6 +22,16 @@ bool exists(const std::string& path) {
 void sort_by_id(std::vector<Corner>& corners) {
   std::sort(corners.begin(), corners.end(),
             [](const Corner& a, const Corner& b) { return a.id < b.id; });
+}
+
+// A person who adds a corner or moves one says by its ID where on the board it is; who only takes
+// some away does not.
+bool says_where(const std::vector<Corner>& before, const std::vector<Corner>& after) {
+  return std::any_of(after.begin(), after.end(), [&](const Corner& corner) {
+    return std::none_of(before.begin(), before.end(), [&](const Corner& old) {
+      return old.id == corner.id && (old.pixel - corner.pixel).norm() < kMoved_px;
+    });
+  });
 }
 
 }  // namespace
@@ -95,24 +106,27 @@ Result<void> ClickSession::read_targets() {
 }
 
 ClickSession::Before ClickSession::current(const std::optional<std::size_t>& image) const {
-  if (image) return {image, views_[*image].corners, {}};
-  return {image, {}, targets_};
+  if (image) return {image, views_[*image].corners, views_[*image].placed, {}};
+  return {image, {}, true, targets_};
 }
 
 Result<void> ClickSession::put(const Before& state) {
   Before was = current(state.image);
   if (state.image) {
     views_[*state.image].corners = state.corners;
+    views_[*state.image].placed = state.placed;
     ++revisions_[*state.image];
   } else {
     targets_ = state.targets;
   }
   auto saved = state.image ? save_observations() : save_targets();
   if (saved) return saved;
-  if (was.image)
+  if (was.image) {
     views_[*was.image].corners = std::move(was.corners);
-  else
+    views_[*was.image].placed = was.placed;
+  } else {
     targets_ = std::move(was.targets);
+  }
   return saved;
 }
 
@@ -122,17 +136,19 @@ void ClickSession::remember(Before before) {
   redo_.clear();
 }
 
-Result<void> ClickSession::set_corners(std::size_t image, std::vector<Corner> corners) {
+Result<void> ClickSession::set_corners(std::size_t image, std::vector<Corner> corners,
+                                       bool confirmed) {
   sort_by_id(corners);
   Before before = current(image);
-  if (auto done = put({image, std::move(corners), {}}); !done) return done;
+  const bool placed = before.placed || confirmed || says_where(before.corners, corners);
+  if (auto done = put({image, std::move(corners), placed, {}}); !done) return done;
   remember(std::move(before));
   return {};
 }
 
 Result<void> ClickSession::set_targets(Json targets) {
   Before before = current(std::nullopt);
-  if (auto done = put({std::nullopt, {}, std::move(targets)}); !done) return done;
+  if (auto done = put({std::nullopt, {}, true, std::move(targets)}); !done) return done;
   remember(std::move(before));
   return {};
 }

@@ -30,14 +30,17 @@ class ClickSession {
   const std::vector<ListedImage>& images() const { return images_; }
   // The corners of an image, sorted by ID.
   const std::vector<Corner>& corners(std::size_t image) const { return views_[image].corners; }
+  // False: detect could not tell where on the board its corners begin, and nobody has said since.
+  bool placed(std::size_t image) const { return views_[image].placed; }
   int revision(std::size_t image) const { return revisions_[image]; }
   const Json& targets() const { return targets_; }  // the list of TARGETS.json
   bool can_undo() const { return !undo_.empty(); }
   bool can_redo() const { return !redo_.empty(); }
   const Files& files() const { return files_; }
 
-  // Replaces all corners of an image, or the list of targets.
-  Result<void> set_corners(std::size_t image, std::vector<Corner> corners);
+  // Replaces all corners of an image, or the list of targets. A corner that is new or elsewhere
+  // places the view, and so does a person who confirms it: from then on its IDs are what was said.
+  Result<void> set_corners(std::size_t image, std::vector<Corner> corners, bool confirmed = false);
   Result<void> set_targets(Json targets);
 
   struct Changed {
@@ -51,6 +54,7 @@ class ClickSession {
   struct Before {
     std::optional<std::size_t> image;
     std::vector<Corner> corners;
+    bool placed = true;
     Json targets;
   };
   Result<void> read_observations();

@@ -210,6 +210,7 @@ Json ClickSite::view_json(std::size_t image, const LoadedImage& pixels) const {
                {"revision", session_.revision(image)},
                {"width", pixels.width},
                {"height", pixels.height},
+               {"placed", session_.placed(image)},
                {"corners", std::move(corners)},
                {"undo", session_.can_undo()},
                {"redo", session_.can_redo()}};
@@ -368,8 +369,9 @@ ServerAnswer ClickSite::accept(std::size_t image, const Json& asked) {
   for (const int id : drop_weak(strengths, corners)) refused.insert(id);
   for (const int id : drop_misfits(image, **pixels, corners)) refused.insert(id);
   const std::size_t added = corners.size() - before;
-  if (snap_anew(**pixels, session_.board(), camera_of(image), corners) > 0 || added > 0)
-    if (auto done = session_.set_corners(image, std::move(corners)); !done)
+  const std::size_t moved = snap_anew(**pixels, session_.board(), camera_of(image), corners);
+  if (moved > 0 || added > 0 || !session_.placed(image))
+    if (auto done = session_.set_corners(image, std::move(corners), true); !done)
       return sentence_answer(507, done.error().message);
   Json told = view_json(image, **pixels);
   told["added"] = added;

@@ -220,6 +220,41 @@ test('loses nothing by a reload or by the death of the tool', async () => {
   assert.deepEqual(page.foreign, []);
 });
 
+test('takes a person\'s word for where on the board the corners are', async () => {
+  const name = 'k0/0001.pgm', ids = visibleFour(truth.images[name]);
+  const corners = [...ids, 22, 31].map((id) => ({ id, x: truth.images[name][id].x, y: truth.images[name][id].y }));
+  const view = { sensor: 'k0', image: name, pose: '0001', corners, placed: false };
+  const placed = () => observations().views.find((v) => v.image === name).placed !== false;
+  const begin = async () => {
+    await tool.end();
+    writeFileSync(file('obs.json'), JSON.stringify({ board: { rows: 6, columns: COLUMNS, square_m: 0.06 }, views: [view] }));
+    tool = await start(tool.port);
+    await page.reload();
+    await ready();
+    assert.match(await text(page, '#advice'), /their IDs are a guess/);
+  };
+  const remove = async (id) => { await page.evaluate((i) => choose(i), id); await press('Delete'); };
+  await begin();
+  await remove(22);
+  await count(5);
+  assert.ok(!placed(), 'a corner that is taken away says nothing of the others');
+  const free = truth.images[name].find((c) => c.free && !corners.some((own) => own.id === c.id));
+  await page.keyboard.type(String(free.id));
+  await click(free);
+  await count(6);
+  assert.ok(placed(), 'a corner was added');
+  assert.doesNotMatch(await text(page, '#advice'), /guess/);
+  await press('Control+z');
+  assert.ok(!placed(), 'the corner was taken back');
+  await press('a');
+  await until(() => saved(name).length > 30, 'accepted corners');
+  assert.ok(placed(), 'the predicted corners were accepted');
+  await begin();
+  await page.evaluate(() => choose(31));
+  await page.keyboard.press('ArrowRight');
+  await until(placed, 'a corner that was moved');
+});
+
 test('does not overwrite what somebody else wrote', async () => {
   const corners = truth.images['k0/0001.pgm'];
   await clickFour(corners);

@@ -209,7 +209,7 @@ function render() {
   el('state').className = 'chip ' + (isWhole(image) ? 'whole' : count ? 'some' : '');
   el('undo').disabled = !app.state.undo; el('redo').disabled = !app.state.redo;
   el('remove').disabled = app.chosen === null; el('clear').disabled = el('turn').disabled = count === 0;
-  el('accept').disabled = predicted().length === 0;
+  el('accept').disabled = predicted().length === 0 && app.view.placed;
   renderAdvice(count);
   document.body.dataset.ready = 'yes';
 }
@@ -270,6 +270,7 @@ function renderAdvice(count) {
     [total() - 1]: 'the last corner of the last row', [total() - app.state.board.columns]: 'the first corner of the last row' }[next];
   advice.textContent = app.mode === 'targets'
     ? (app.target === null ? 'Add a target by its name, give its measured place, then click on its ball.' : `Click on the ball of target ${app.target}; with Alt the very pixel is taken.`)
+    : !app.view.placed && count > 0 ? 'Detection could not tell where on the board these corners are, so their IDs are a guess. Clear them and click anew, or press A if they are right.'
     : bad ? 'The IDs run the wrong way round: with them the board would be seen from behind. Swap two of the corners.'
       : next === null ? 'Every corner is set. N shows the next image, U the next one to be done.'
         : p && predicted().length && app.refused.size > total() / 2 ? 'Hardly any predicted corner shows a saddle: look at the IDs and places of those that are set.'

@@ -94,7 +94,7 @@ function digit(key) {
   if (id < total()) choose(id); else { app.digits = ''; toast(`The board has the IDs 0 to ${total() - 1}.`); }
 }
 const KEYS = {
-  a: () => { if (app.view.prediction?.mirrored) toast('First the IDs must run the right way round.'); else if (predicted().length) act(accept); else toast('Nothing is predicted: set four corners that are not on one line.'); },
+  a: () => { if (app.view.prediction?.mirrored) toast('First the IDs must run the right way round.'); else if (predicted().length || app.view.prediction && !app.view.placed) act(accept); else toast('Nothing is predicted: set four corners that are not on one line.'); },
   z: () => act(() => step('api/undo')), y: () => act(() => step('api/redo')),
   n: () => go(1), p: () => go(-1), u: () => go(1, true), f: () => stage.fit(), '+': () => stage.zoom(1.3), '=': () => stage.zoom(1.3), '-': () => stage.zoom(1 / 1.3),
   m: () => setMode(app.mode === 'corners' ? 'targets' : 'corners'),
