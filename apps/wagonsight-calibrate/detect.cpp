@@ -2,45 +2,18 @@
 #include <fmt/format.h>
 
 #include <unistd.h>
-#include <algorithm>
-#include <filesystem>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
-#include <set>
 
 #include "calibrate/board_file.h"
 #include "calibrate/detect_board.h"
 #include "calibrate/observations.h"
 #include "commands.h"
+#include "image_folder.h"
 #include "linux/files.h"
 
 namespace wagonsight {
 namespace {
-
-namespace fs = std::filesystem;
-
-std::vector<fs::path> sorted_entries(const fs::path& folder, bool folders) {
-  std::vector<fs::path> entries;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.is_directory() == folders) entries.push_back(entry.path());
-  std::sort(entries.begin(), entries.end());
-  return entries;
-}
-
-bool is_image(const fs::path& path) {
-  static const std::set<std::string> kEndings = {".png", ".jpg", ".jpeg", ".pgm",
-                                                 ".bmp", ".tif", ".tiff"};
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return kEndings.contains(ending);
-}
-
-// Depth images of a sensor lie beside its folder, in NAME.depth; solve reads them.
-bool is_depth_folder(const fs::path& folder) {
-  return folder.extension() == ".depth";
-}
 
 // What detect says of each image that gave no view, and of what it took.
 class Teller {
@@ -65,14 +38,14 @@ class Teller {
 };
 
 // One image to one view; a rejected one is told.
-void detect_file(const fs::path& file, const Board& board, std::map<std::string, cv::Size>& sizes,
-                 Observations& observations, Teller& teller) {
-  const std::string sensor = file.parent_path().filename().string();
-  const std::string name = sensor + "/" + file.filename().string();
+void detect_file(const ListedImage& image, const Board& board,
+                 std::map<std::string, cv::Size>& sizes, Observations& observations,
+                 Teller& teller) {
+  const std::string& name = image.name;
   teller.next();
-  const cv::Mat gray = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+  const cv::Mat gray = cv::imread(image.path, cv::IMREAD_GRAYSCALE);
   if (gray.empty()) return Teller::reject(name, "this is not an image that can be read");
-  const auto [size, is_first] = sizes.try_emplace(sensor, gray.size());
+  const auto [size, is_first] = sizes.try_emplace(image.sensor, gray.size());
   if (!is_first && size->second != gray.size())
     return Teller::reject(
         name, fmt::format("it is {} x {}, but the sensor's first image is {} x {}", gray.cols,
@@ -88,7 +61,7 @@ void detect_file(const fs::path& file, const Board& board, std::map<std::string,
     fmt::print("{}: {} of {} corners\n", name, detected->corners.size(), board.corner_count());
   }
   observations.views.push_back(
-      {sensor, name, file.stem().string(), std::move(detected->corners), detected->placed});
+      {image.sensor, name, image.stem, std::move(detected->corners), detected->placed});
 }
 
 }  // namespace
@@ -98,21 +71,15 @@ Result<void> run_detect(const DetectArguments& arguments) {
   if (!text) return fail(text.error().message);
   const auto board = parse_board_file(*text, arguments.board);
   if (!board) return fail(board.error().message);
-  const auto folders = sorted_entries(arguments.images, true);
-  if (folders.empty())
-    return fail(fmt::format(
-        "{}: it holds no folder; put the images of each sensor into a folder of the sensor's name",
-        arguments.images));
+  const auto images = list_images(arguments.images);
+  if (!images) return fail(images.error().message);
   Observations observations;
   observations.board = *board;
-  std::vector<fs::path> files;
-  for (const fs::path& folder : folders)
-    for (const fs::path& file : sorted_entries(folder, false))
-      if (!is_depth_folder(folder) && is_image(file)) files.push_back(file);
   {
-    Teller teller(files.size());
+    Teller teller(images->size());
     std::map<std::string, cv::Size> sizes;
-    for (const fs::path& file : files) detect_file(file, *board, sizes, observations, teller);
+    for (const ListedImage& image : *images)
+      detect_file(image, *board, sizes, observations, teller);
     fmt::print("{} of {} images show the board, {} the whole of it, {} a part without its place\n",
                teller.found, teller.tried(), teller.whole, teller.unplaced);
   }

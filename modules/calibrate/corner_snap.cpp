@@ -5,6 +5,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "calibrate/saddle_strength.h"
+
 namespace wagonsight {
 namespace {
 
@@ -30,25 +32,6 @@ Patch cut(const GrayImage& image, const Eigen::Vector2d& centre, double half) {
   whole(inside).convertTo(patch.pixels, CV_32F);
   cv::GaussianBlur(patch.pixels, patch.pixels, {}, 1.2, 1.2, cv::BORDER_REPLICATE);
   return patch;
-}
-
-// The smaller of the Hessian's two eigenvalues where their signs differ, else 0: for an ideal
-// corner of contrast C behind a blur s both are C / (pi s^2); an edge has only one, a spot none.
-cv::Mat saddle_strength(const cv::Mat& pixels) {
-  cv::Mat strength(pixels.size(), CV_32F, cv::Scalar(0));
-  for (int v = 1; v + 1 < pixels.rows; ++v) {
-    const float* up = pixels.ptr<float>(v - 1);
-    const float* here = pixels.ptr<float>(v);
-    const float* down = pixels.ptr<float>(v + 1);
-    for (int u = 1; u + 1 < pixels.cols; ++u) {
-      const float xx = here[u - 1] - 2 * here[u] + here[u + 1];
-      const float yy = up[u] - 2 * here[u] + down[u];
-      const float xy = (down[u + 1] - down[u - 1] - up[u + 1] + up[u - 1]) / 4;
-      const float mean = (xx + yy) / 2, spread = std::hypot((xx - yy) / 2, xy);
-      strength.at<float>(v, u) = std::max(0.0F, spread - std::abs(mean));
-    }
-  }
-  return strength;
 }
 
 // How a full-contrast corner answers, so that strengths are shares of it: 255 / (pi * 1.8), with
