@@ -31,6 +31,15 @@ Result<std::map<std::string, Camera>> read_cameras(const std::string& path) {
   return cameras;
 }
 
+// What `solve` found is better than what was stated.
+Result<void> take_solved(const std::string& path, std::map<std::string, Camera>& cameras) {
+  if (path.empty()) return {};
+  const auto solution = read_solution(path);
+  if (!solution) return fail(solution.error().message);
+  for (const ImagerSolution& imager : solution->imagers) cameras[imager.name] = imager.camera;
+  return {};
+}
+
 }  // namespace
 
 Result<void> run_click(const ClickArguments& arguments) {
@@ -43,6 +52,7 @@ Result<void> run_click(const ClickArguments& arguments) {
   if (!images) return fail(images.error().message);
   auto cameras = read_cameras(arguments.sensors);
   if (!cameras) return fail(cameras.error().message);
+  if (auto taken = take_solved(arguments.solution, *cameras); !taken) return taken;
   std::string targets = arguments.targets;
   if (targets.empty())
     targets =

@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "calibrate/ball_outline.h"
+#include "calibrate/ball_centre.h"
 #include "calibrate/board_prediction.h"
 #include "click_page.h"
 #include "http/local_page.h"
@@ -387,12 +387,18 @@ ServerAnswer ClickSite::ball(std::size_t image, const Json& asked) {
   const double radius_max = std::min(120.0, (*pixels)->height / 4.0);
   const auto found = fit_ball_outline((*pixels)->view(), *near, radius_max);
   if (!found) return json_answer({{"found", false}});
+  // Off the axis the middle of the outline is not where the ball's middle is seen.
+  Eigen::Vector2d centre = found->centre;
+  if (const auto camera = camera_of(image))
+    if (const auto corrected = ball_centre(*camera, *found)) centre = corrected->pixel;
   return json_answer(
       {{"found", true},
-       {"x", rounded(found->centre.x())},
-       {"y", rounded(found->centre.y())},
+       {"x", rounded(centre.x())},
+       {"y", rounded(centre.y())},
+       {"corrected", (centre - found->centre).norm()},
        {"outline",
-        {rounded(found->semi_axes_px[0]), rounded(found->semi_axes_px[1]), rounded(found->angle)}},
+        {rounded(found->semi_axes_px[0]), rounded(found->semi_axes_px[1]), rounded(found->angle),
+         rounded(found->centre.x()), rounded(found->centre.y())}},
        {"rms", found->rms_px},
        {"seen", found->seen_share}});
 }

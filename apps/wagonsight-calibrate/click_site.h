@@ -21,7 +21,7 @@ namespace wagonsight {
 //   POST /api/snap   {image, x, y, radius}            the saddle near a click
 //   POST /api/edit   {image, revision, corners}       replaces an image's corners
 //   POST /api/accept {image, revision}                takes every predicted corner with a saddle
-//   POST /api/ball   {image, x, y}                    the outline of the ball about a click
+//   POST /api/ball   {image, x, y}                    the ball about a click: outline and centre
 //   POST /api/targets {targets}                       replaces the targets
 //   POST /api/undo, /api/redo
 // Errors are {"error": sentence}; 409: the image was changed by another page since.

@@ -28,7 +28,7 @@ struct DetectArguments {
 Result<void> run_detect(const DetectArguments& arguments);
 
 struct ClickArguments {
-  std::string images, board, observations, targets, sensors;
+  std::string images, board, observations, targets, sensors, solution;
   std::uint16_t port = 8090;
 };
 Result<void> run_click(const ClickArguments& arguments);

@@ -40,6 +40,8 @@ int main(int argc, char** argv) {
                             "TARGETS.json; without it targets.json beside the observations");
   click_command->add_option("--sensors", click.sensors,
                             "SENSORS.toml: known intrinsics make the predicted corners exact");
+  click_command->add_option("--solution", click.solution,
+                            "SOLUTION.json, after a first solve: its intrinsics instead");
   click_command->add_option("--port", click.port, "of the page; 0 takes a free one")
       ->capture_default_str();
 

@@ -20,8 +20,9 @@ struct BallOutline {
 // every strong edge is a candidate, the circle that most of them agree on is taken (so that glare
 // on the ball and the tripod below it do not matter) and an ellipse is fitted to its points. The
 // ellipse's centre is off the projection of the ball's centre by about f (r/d)^2 tan(angle to the
-// axis): 0.03 px for a ball of 5 cm across at 3 m. Nothing when less than 55% of an outline of
-// radius 2.5 px to `radius_max_px` can be seen. Deterministic, allocates.
+// axis): 0.03 px for a ball of 5 cm across at 3 m
+// (`ball_centre` takes it away where the camera is known). Nothing when less than 55% of an outline
+// of radius 2.5 px to `radius_max_px` can be seen. Deterministic, allocates.
 std::optional<BallOutline> fit_ball_outline(const GrayImage& image, const Eigen::Vector2d& near,
                                             double radius_max_px);
 

@@ -180,7 +180,7 @@ async function placeBall(p, raw) {
   const sighting = { sensor: here().sensor, image: here().name, x: found.x, y: found.y, ...(found.outline && { outline: found.outline }) };
   await setTargets(app.state.targets.map((t) => (t.id !== app.target ? t
     : { ...t, seen: [...(t.seen || []).filter((s) => s.sensor !== sighting.sensor), sighting] })));
-  if (found.outline) toast(`Outline found: ${Math.round(found.seen * 100)}% of it, ${found.rms.toFixed(2)} px from an ellipse.`);
+  if (found.outline) toast(`Outline found: ${Math.round(found.seen * 100)}% of it, ${found.rms.toFixed(2)} px from an ellipse${found.corrected > 0.005 ? `, its middle moved by ${found.corrected.toFixed(2)} px to the ball's` : ''}.`);
 }
 function removeSighting() {
   if (app.target === null) return toast('Choose a target first.');

@@ -101,10 +101,11 @@ class Stage {
   }
   paintBall(g, ball) {
     const s = this.toScreen(ball), colour = ball.chosen ? '#22d3ee' : '#f0abfc';
-    const [a, b, angle] = ball.outline || [6 / this.scale, 6 / this.scale, 0];
+    const [a, b, angle, x = ball.x, y = ball.y] = ball.outline || [6 / this.scale, 6 / this.scale, 0];
+    const middle = this.toScreen({ x, y });
     for (const [width, stroke] of [[3.6, 'rgb(0 0 0 / .5)'], [1.7, colour]]) {
       g.lineWidth = width; g.strokeStyle = stroke;
-      g.beginPath(); g.ellipse(s.x, s.y, a * this.scale, b * this.scale, angle, 0, 7); g.stroke();
+      g.beginPath(); g.ellipse(middle.x, middle.y, a * this.scale, b * this.scale, angle, 0, 7); g.stroke();
       g.beginPath(); g.moveTo(s.x - 4, s.y); g.lineTo(s.x + 4, s.y); g.moveTo(s.x, s.y - 4); g.lineTo(s.x, s.y + 4); g.stroke();
     }
     this.label(g, ball.id, s, a * this.scale, colour);

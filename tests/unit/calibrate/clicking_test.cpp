@@ -4,6 +4,7 @@
 #include <cmath>
 #include <random>
 
+#include "calibrate/ball_centre.h"
 #include "calibrate/ball_outline.h"
 #include "calibrate/board_prediction.h"
 #include "calibrate/corner_snap.h"
@@ -151,6 +152,30 @@ TEST(BallOutline, TakesTheCentreOfABallWithGlareOnATripod) {
     EXPECT_NEAR(ball->centre.y(), 100.7, 0.3) << radius;
     EXPECT_NEAR(ball->semi_axes_px.mean(), radius, 0.05 * radius + 0.3);
     EXPECT_LT(ball->seen_share, 1.0);
+  }
+}
+
+TEST(BallOutline, AKnownCameraTakesTheCentreOfANearBallAside) {
+  Camera camera{320, 240, 260, 260, 160, 120, {0.06, -0.09, 0.0006, -0.0004, 0}};
+  for (const Eigen::Vector3d& middle :
+       {Eigen::Vector3d(0.36, 0.22, 0.8), Eigen::Vector3d(-0.42, -0.2, 0.9)}) {
+    constexpr double kRadius = 0.1;
+    Picture picture;
+    picture.paint(
+        [&](double x, double y) {
+          const auto ray = ray_through(camera, Eigen::Vector2d(x, y));
+          if (!ray) return 60.0;
+          const double along = ray->normalized().dot(middle);
+          return middle.squaredNorm() - along * along < kRadius * kRadius ? 190.0 : 60.0;
+        },
+        2.0);
+    const Eigen::Vector2d truth = project(camera, middle).value();
+    const auto outline = fit_ball_outline(picture.view(), truth + Eigen::Vector2d(5, -4), 60);
+    ASSERT_TRUE(outline);
+    const auto centre = ball_centre(camera, *outline);
+    ASSERT_TRUE(centre);
+    EXPECT_GT((outline->centre - truth).norm(), 0.8) << "nothing to correct";
+    EXPECT_LT((centre->pixel - truth).norm(), 0.15 * (outline->centre - truth).norm());
   }
 }
 
