@@ -51,6 +51,8 @@ Result<void> write_report(const Solution& solution, const std::string& images,
 
 struct GeoreferenceArguments {
   std::string solution, targets, markers, out;
+  std::string images;      // the Kinects' depth images are beside them; may be empty
+  double ball_radius = 0;  // metres, of targets that state none; 0: unknown
 };
 Result<void> run_georeference(const GeoreferenceArguments& arguments);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,5 +16,10 @@ namespace wagonsight {
 Result<std::vector<DepthView>> read_depth_images(const std::string& folder,
                                                  const std::vector<SensorSpec>& sensors,
                                                  const Solution& solution);
+
+// The depth image beside one image ("k0/0001.png") of an imager; nothing where there is none.
+Result<std::optional<DepthView>> read_depth_beside(const std::string& folder,
+                                                   const std::string& imager,
+                                                   const std::string& image);
 
 }  // namespace wagonsight

@@ -78,6 +78,13 @@ int main(int argc, char** argv) {
   georeference_command->add_option(
       "--markers", georeference.markers,
       "the tracker's file (DTrack text or JSON) for targets without \"world\"");
+  georeference_command->add_option("--images", georeference.images,
+                                   "the images' folder: in the Kinects' depth images of its "
+                                   "NAME.depth a sphere is fitted to each clicked ball");
+  georeference_command
+      ->add_option("--ball-radius", georeference.ball_radius,
+                   "in metres, of the balls of targets without \"radius_m\"")
+      ->check(CLI::Range(0.005, 0.5));
   georeference_command->add_option("--out", georeference.out, "SOLUTION.json")->required();
 
   PackArguments pack;

@@ -4,12 +4,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "calibrate/georeference.h"
 #include "calibrate/pack.h"
 #include "calibrate/solve.h"
 #include "commands.h"
 #include "depth_images.h"
-#include "geometry/angles.h"
 #include "linux/files.h"
 #include "rig/blob.h"
 
@@ -87,33 +85,6 @@ Result<void> run_solve(const SolveArguments& arguments) {
       !written || arguments.report.empty())
     return written;
   return write_report(*solution, arguments.images, arguments.observations, arguments.report);
-}
-
-Result<void> run_georeference(const GeoreferenceArguments& arguments) {
-  auto solution = read_solution(arguments.solution);
-  if (!solution) return fail(solution.error().message);
-  const auto text = read_file(arguments.targets, kFileBytesMax);
-  if (!text) return fail(text.error().message);
-  auto targets = parse_targets(*text, arguments.targets);
-  if (!targets) return fail(targets.error().message);
-  if (!arguments.markers.empty()) {
-    const auto tracked = read_file(arguments.markers, kFileBytesMax);
-    if (!tracked) return fail(tracked.error().message);
-    const auto markers = parse_markers(*tracked, arguments.markers);
-    if (!markers) return fail(markers.error().message);
-    if (auto taken = take_markers(*markers, *targets); !taken) return taken;
-  }
-  if (auto done = georeference(*targets, *solution); !done) return done;
-  const Georeferenced& geo = *solution->georeference;
-  const OmegaPhiKappa angles = to_omega_phi_kappa(geo.X_WB.rotation);
-  fmt::print(
-      "X0 {:.4f} m, Y0 {:.4f} m, Z0 {:.4f} m, omega {:.3f}, phi {:.3f}, kappa {:.3f} degrees, "
-      "scale {:.5f}\n",
-      geo.X_WB.position.x(), geo.X_WB.position.y(), geo.X_WB.position.z(), angles.omega * kDegrees,
-      angles.phi * kDegrees, angles.kappa * kDegrees, geo.X_WB.scale);
-  for (std::size_t i = 0; i < geo.targets.size(); ++i)
-    fmt::print("target {}: {:.1f} mm off\n", geo.targets[i], geo.residuals_m[i].norm() * 1e3);
-  return write_file_durably(arguments.out, bytes_of(format_solution(*solution)));
 }
 
 Result<void> run_pack(const PackArguments& arguments) {

@@ -37,6 +37,36 @@ Result<Eigen::VectorXd> parse_numbers(const Json& json, std::size_t count,
   return numbers;
 }
 
+// [longer semi-axis, shorter, angle] about the sighting's pixel, or with [.., x, y] about that one.
+Result<BallOutline> parse_outline(const Json& json, const Eigen::Vector2d& pixel,
+                                  const std::string& where) {
+  const bool has_centre = json.is_array() && json.size() == 5;
+  const auto numbers = parse_numbers(json, has_centre ? 5 : 3, where + ": an \"outline\"");
+  if (!numbers) return fail(numbers.error().message);
+  if (!((*numbers)[0] > 0 && (*numbers)[1] > 0))
+    return fail(where + ": an \"outline\" must have semi-axes above zero");
+  BallOutline outline;
+  outline.centre = has_centre ? Eigen::Vector2d(numbers->tail<2>()) : pixel;
+  outline.semi_axes_px = numbers->head<2>();
+  outline.angle = (*numbers)[2];
+  return outline;
+}
+
+Result<Target::Sighting> parse_sighting(const Json& item, const std::string& where) {
+  auto pixel = parse_numbers(Json::array({item.value("x", Json()), item.value("y", Json())}), 2,
+                             where + ": a sighting's x and y");
+  if (!pixel) return fail(pixel.error().message);
+  Target::Sighting sighting{item["sensor"].get<std::string>(), *pixel, {}, {}};
+  if (item.contains("image") && item["image"].is_string())
+    sighting.image = item["image"].get<std::string>();
+  if (item.contains("outline")) {
+    auto outline = parse_outline(item["outline"], sighting.pixel, where);
+    if (!outline) return fail(outline.error().message);
+    sighting.outline = *outline;
+  }
+  return sighting;
+}
+
 Result<Target> parse_target(const Json& json, std::size_t index, std::string_view file) {
   std::string where = fmt::format("{}: target {}", file, index);
   if (!json.is_object() || !json.contains("id") || !json["id"].is_string())
@@ -51,6 +81,12 @@ Result<Target> parse_target(const Json& json, std::size_t index, std::string_vie
   }
   if (json.contains("marker") && json["marker"].is_string())
     target.marker = json["marker"].get<std::string>();
+  if (json.contains("radius_m")) {
+    auto radius = parse_numbers(Json::array({json["radius_m"]}), 1, where + ": \"radius_m\"");
+    if (!radius) return fail(radius.error().message);
+    if (!((*radius)[0] > 0)) return fail(where + ": \"radius_m\" must be above zero");
+    target.radius_m = (*radius)[0];
+  }
   for (const Json& item : json.value("seen", Json::array())) {
     if (!item.is_object() || !item.contains("sensor") || !item["sensor"].is_string())
       return fail(where + ": a sighting needs a \"sensor\"");
@@ -64,10 +100,9 @@ Result<Target> parse_target(const Json& json, std::size_t index, std::string_vie
       target.spheres.push_back({item["sensor"].get<std::string>(), *centre, (*sigma)[0]});
       continue;
     }
-    auto pixel = parse_numbers(Json::array({item.value("x", Json()), item.value("y", Json())}), 2,
-                               where + ": a sighting's x and y");
-    if (!pixel) return fail(pixel.error().message);
-    target.seen.push_back({item["sensor"].get<std::string>(), *pixel});
+    auto sighting = parse_sighting(item, where);
+    if (!sighting) return fail(sighting.error().message);
+    target.seen.push_back(std::move(*sighting));
   }
   return target;
 }

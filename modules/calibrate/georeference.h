@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/result.h"
+#include "calibrate/ball_outline.h"
 #include "calibrate/markers.h"
 #include "calibrate/solution.h"
 
@@ -18,9 +19,12 @@ struct Target {
   std::string id;
   std::optional<Eigen::Vector3d> world;  // absent: to be taken from the tracker's markers
   std::string marker;                    // its name there; the target's id when empty
+  std::optional<double> radius_m;        // of the ball
   struct Sighting {
     std::string imager;
     Eigen::Vector2d pixel;
+    std::string image;                   // file, as in the observations; may be empty
+    std::optional<BallOutline> outline;  // where one was fitted
   };
   std::vector<Sighting> seen;
   struct Sphere {

@@ -23,25 +23,49 @@ std::string pgm8(const synthetic::Photograph& photo) {
   return file;
 }
 
-// Whole millimetres, most significant byte first; nothing behind the board.
-std::string depth_pgm(const Rigid& X_CP) {
+// What the depth camera reads where the true depth is `z(ray)` metres, 0 for nothing: whole
+// millimetres, most significant byte first.
+template <class DepthAlong>
+std::string pgm16(const DepthAlong& z_along) {
   std::string file = fmt::format("P5\n{} {}\n65535\n", kDepth.width, kDepth.height);
-  const Rigid X_SP = kDepthInColour.inverse() * X_CP, X_PS = X_SP.inverse();
-  const Eigen::Vector3d normal = X_SP.rotation * Eigen::Vector3d::UnitZ();
-  const Eigen::Vector2d low = Eigen::Vector2d::Constant(-kBoard.square_m),
-                        high = kBoard.square_m * Eigen::Vector2d(kBoard.columns, kBoard.rows);
   for (int v = 0; v < kDepth.height; ++v)
     for (int u = 0; u < kDepth.width; ++u) {
-      const Eigen::Vector3d ray((u - kDepth.cx) / kDepth.fx, (v - kDepth.cy) / kDepth.fy, 1);
-      const double z = normal.dot(X_SP.position) / normal.dot(ray);
-      const Eigen::Vector2d p = (X_PS * (z * ray)).head<2>();
-      const bool on_board = (p.array() > low.array()).all() && (p.array() < high.array()).all();
+      const double z =
+          z_along(Eigen::Vector3d((u - kDepth.cx) / kDepth.fx, (v - kDepth.cy) / kDepth.fy, 1));
       const auto mm =
-          static_cast<unsigned>(on_board ? std::lround(1e3 * (z - kOffset_m) / kScale) : 0);
+          static_cast<unsigned>(z > 0 ? std::lround(1e3 * (z - kOffset_m) / kScale) : 0);
       file.push_back(static_cast<char>(mm >> 8U));
       file.push_back(static_cast<char>(mm & 0xffU));
     }
   return file;
+}
+
+// Nothing behind the board.
+std::string depth_pgm(const Rigid& X_CP) {
+  const Rigid X_SP = kDepthInColour.inverse() * X_CP, X_PS = X_SP.inverse();
+  const Eigen::Vector3d normal = X_SP.rotation * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector2d low = Eigen::Vector2d::Constant(-kBoard.square_m),
+                        high = kBoard.square_m * Eigen::Vector2d(kBoard.columns, kBoard.rows);
+  return pgm16([&](const Eigen::Vector3d& ray) {
+    const double z = normal.dot(X_SP.position) / normal.dot(ray);
+    const Eigen::Vector2d p = (X_PS * (z * ray)).head<2>();
+    const bool on_board = (p.array() > low.array()).all() && (p.array() < high.array()).all();
+    return on_board ? z : 0.0;
+  });
+}
+
+// Balls (centres in the colour camera) before a wall.
+std::string balls_pgm(const std::vector<Eigen::Vector3d>& balls_C, double radius) {
+  return pgm16([&](const Eigen::Vector3d& ray) {
+    double z = 3.5;
+    for (const Eigen::Vector3d& ball : balls_C) {
+      const Eigen::Vector3d centre = kDepthInColour.inverse() * ball;
+      const double a = ray.squaredNorm(), b = ray.dot(centre);
+      const double root = b * b - a * (centre.squaredNorm() - radius * radius);
+      if (root > 0) z = std::min(z, (b - std::sqrt(root)) / a);
+    }
+    return z;
+  });
 }
 
 class CalibrateImages : public testing::ProgramTest {
@@ -110,6 +134,65 @@ TEST_F(CalibrateImages, GiveTheDepthCamerasPlaceAndCorrection) {
   EXPECT_NEAR(depth.X_CS.position.z() + depth.scale * z + depth.offset_m,
               kDepthInColour.position.z() + kScale * z + kOffset_m, 0.003);
   EXPECT_EQ(run("pack --solution solution.json --out rig.blob").exit_code, 0);
+}
+
+TEST_F(CalibrateImages, OneKinectIsGeoreferencedByTheSpheresInItsDepth) {
+  ASSERT_EQ(run("detect --images images --board board.toml --out obs.json").exit_code, 0);
+  ASSERT_EQ(run("solve --observations obs.json --sensors sensors.toml --images images --out s.json")
+                .exit_code,
+            0);
+  constexpr double kRadius = 0.06;
+  const std::vector<Eigen::Vector3d> balls = {
+      {-0.5, -0.35, 1.5}, {0.6, -0.4, 1.9}, {0.5, 0.45, 1.6}, {-0.6, 0.5, 2.2}, {0.05, 0, 2.6}};
+  testing::write_text(at("images/k0.depth/balls.pgm"), balls_pgm(balls, kRadius));
+  const Rigid X_WC{
+      Eigen::Quaterniond(Eigen::AngleAxisd(2.1, Eigen::Vector3d(0.8, 0.5, -0.3).normalized())),
+      {3.0, 1.2, 2.3}};
+  // `outline`: one imager's rays do not tell how far away a ball is, the size of its outline does.
+  const auto write_targets = [&](bool outline) {
+    std::string list;
+    for (std::size_t i = 0; i < balls.size(); ++i) {
+      const Eigen::Vector3d p_W = X_WC * balls[i];
+      const Eigen::Vector2d pixel = project(kColour, balls[i]).value();
+      const double axis = kColour.fx * kRadius / balls[i].z();
+      list += fmt::format(
+          R"({}{{"id": "T{}", "world": [{}, {}, {}], "seen": [{{"sensor": "k0", "image":
+             "k0/balls.pgm", "x": {}, "y": {}{}}}]}})",
+          i == 0 ? "" : ", ", i, p_W.x(), p_W.y(), p_W.z(), pixel.x(), pixel.y(),
+          outline ? fmt::format(", \"outline\": [{}, {}, 0]", axis, axis) : "");
+    }
+    testing::write_text(at("targets.json"), fmt::format("{{\"targets\": [{}]}}", list));
+  };
+  const std::string georeference =
+      "georeference --solution s.json --targets targets.json --out geo.json";
+  write_targets(true);
+  const auto by_rays = run(georeference);
+  EXPECT_EQ(by_rays.exit_code, 1);
+  EXPECT_THAT(by_rays.err, HasSubstr("target T0: it must be seen by at least two imagers"));
+  const auto no_size = run(georeference + " --images images");
+  EXPECT_EQ(no_size.exit_code, 1);
+  EXPECT_EQ(no_size.err,
+            "target T0: a sphere in depth needs its ball's radius; give --ball-radius or its "
+            "\"radius_m\"\n");
+  const auto wrong_size = run(georeference + " --images images --ball-radius 0.15");
+  EXPECT_EQ(wrong_size.exit_code, 1);
+  EXPECT_THAT(wrong_size.out, HasSubstr("mm radius, not 150 mm"));
+  const auto done = run(georeference + " --images images --ball-radius 0.06");
+  ASSERT_EQ(done.exit_code, 0) << done.err << done.out;
+  EXPECT_THAT(done.out, HasSubstr("target T4: a sphere in the depth of k0, "));
+  const auto solution = parse_solution(testing::read_text(at("geo.json")), "geo.json");
+  ASSERT_TRUE(solution) << solution.error().message;
+  ASSERT_TRUE(solution->georeference);
+  for (const auto& residual : solution->georeference->residuals_m)
+    EXPECT_LT(residual.norm(), 0.006) << done.out;
+  const Eigen::Vector3d camera_W =
+      solution->georeference->X_WB * solution->imagers.at(0).X_BS.position;
+  EXPECT_LT((camera_W - X_WC.position).norm(), 0.015) << done.out;
+  EXPECT_NEAR(solution->georeference->X_WB.scale, 1, 0.01);
+  write_targets(false);
+  const auto no_outline = run(georeference + " --images images --ball-radius 0.06");
+  EXPECT_EQ(no_outline.exit_code, 1);
+  EXPECT_THAT(no_outline.out, HasSubstr("how far away the ball is cannot be told"));
 }
 
 TEST_F(CalibrateImages, ADepthImageOfTheWrongKindIsNamed) {

@@ -18,7 +18,7 @@ std::vector<Target> targets_at(const synthetic::RigWithTruth& rig, const Similar
     target.world = X_WB * p_B;
     for (std::size_t i = 0; i < imagers.size(); ++i)
       if (const auto pixel = project(rig.cameras[i], rig.X_BS[i].inverse() * p_B))
-        target.seen.push_back({imagers[i].name, *pixel});
+        target.seen.push_back({imagers[i].name, *pixel, {}, {}});
     targets.push_back(target);
   }
   return targets;
