@@ -70,6 +70,7 @@ std::string random_word() {
 std::vector<int> drop_weak(const std::map<int, double>& strengths, std::vector<Corner>& corners) {
   constexpr double kShare = 0.5;  // of the median
   std::vector<double> sorted;
+  sorted.reserve(strengths.size());
   for (const auto& [id, strength] : strengths) sorted.push_back(strength);
   std::sort(sorted.begin(), sorted.end());
   std::vector<int> dropped;

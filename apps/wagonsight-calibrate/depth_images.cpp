@@ -13,7 +13,7 @@ namespace fs = std::filesystem;
 // Beside the images of an imager; empty when there is none.
 fs::path depth_file(const fs::path& folder, const std::string& imager, const std::string& stem) {
   for (const char* ending : {".png", ".pgm"}) {
-    const fs::path file = folder / (imager + ".depth") / (stem + ending);
+    fs::path file = folder / (imager + ".depth") / (stem + ending);
     std::error_code error;
     if (fs::is_regular_file(file, error)) return file;
   }

@@ -22,6 +22,8 @@ class Teller {
   ~Teller() {
     if (progress_) fmt::print(stderr, "\n");
   }
+  Teller(const Teller&) = delete;
+  Teller& operator=(const Teller&) = delete;
   void next() {
     ++tried_;
     if (progress_) fmt::print(stderr, "\r{} of {} images, {} boards", tried_, files_, found);

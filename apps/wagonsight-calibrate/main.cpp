@@ -8,9 +8,10 @@
 #include "commands.h"
 #include "version.h"
 
-using namespace wagonsight;
+namespace wagonsight {
+namespace {
 
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app{
       "wagonsight-calibrate finds where every camera of a wagon stands, and how well that is "
       "known."};
@@ -111,4 +112,11 @@ int main(int argc, char** argv) {
   if (done) return 0;
   fmt::print(stderr, "{}\n", done.error().message);
   return 1;
+}
+
+}  // namespace
+}  // namespace wagonsight
+
+int main(int argc, char** argv) {
+  return wagonsight::run(argc, argv);
 }

@@ -48,7 +48,7 @@ std::optional<SaddlePoint> judge(const cv::Mat& pixels, double x, double y, doub
   }
   for (int i = 0; i < kRing / 2; ++i) {
     const double d =
-        ring[static_cast<std::size_t>(i)] - ring[static_cast<std::size_t>(i + kRing / 2)];
+        ring[static_cast<std::size_t>(i)] - ring[static_cast<std::size_t>(i) + kRing / 2];
     odd += d * d / 2;
   }
   const double amplitude = std::hypot(cosine, sine);

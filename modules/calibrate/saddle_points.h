@@ -8,7 +8,7 @@
 namespace wagonsight {
 
 // A place where two dark and two bright sectors meet, as at a chessboard's inner corner.
-struct SaddlePoint {
+struct SaddlePoint {  // NOLINT(bugprone-reserved-identifier): its array, copied
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // to about half a pixel
   double contrast = 0;                              // bright minus dark, grey levels
   double bright_angle = 0;  // of the line through the bright sectors, radians, modulo pi
