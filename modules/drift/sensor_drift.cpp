@@ -28,8 +28,10 @@ SensorDrift::SensorDrift(const RigSensor& sensor, RayTable rays, std::span<const
   if (depth_m_.size() == grid_.size()) {
     begin_watching();
   } else {
-    depth_m_.clear();
-    learned_.resize(grid_.size() * static_cast<std::size_t>(options_.learn_frames));
+    depth_m_.assign(grid_.size(), 0.0F);
+    const auto parts = static_cast<std::size_t>(options_.learn_parts);
+    learned_.resize((grid_.size() + parts - 1) / parts *
+                    static_cast<std::size_t>(options_.learn_frames));
   }
 }
 
@@ -55,8 +57,9 @@ bool SensorDrift::add(std::span<const std::uint16_t> readings, std::span<const K
   if (readings.size() != grid_.size()) return false;
   if (state_ == State::kLearning) {
     learn(readings, people);
-    if (frames_ < options_.learn_frames) return false;
-    finish_learning();
+    if (frames_ < options_.learn_frames * options_.learn_parts) return false;
+    learned_ = {};
+    begin_watching();
     return true;
   }
   gather(readings, people);
@@ -67,24 +70,28 @@ bool SensorDrift::add(std::span<const std::uint16_t> readings, std::span<const K
 
 void SensorDrift::learn(std::span<const std::uint16_t> readings, std::span<const KeepOut> people) {
   const auto stride = static_cast<std::size_t>(options_.learn_frames);
-  for (std::size_t cell = 0; cell < readings.size(); ++cell) {
+  const auto parts = static_cast<std::size_t>(options_.learn_parts);
+  const int part = frames_ / options_.learn_frames;
+  const auto frame = static_cast<std::size_t>(frames_ % options_.learn_frames);
+  for (auto cell = static_cast<std::size_t>(part); cell < readings.size(); cell += parts) {
     const float z = depth_of(readings[cell]);
-    learned_[cell * stride + static_cast<std::size_t>(frames_)] =
+    learned_[cell / parts * stride + frame] =
         z > 0 && !kept_out(cell, z, people) ? readings[cell] : std::uint16_t{0};
   }
   ++frames_;
+  if (frames_ % options_.learn_frames == 0) settle(part);
 }
 
 // The mean of the readings about their median, where most frames agree.
-void SensorDrift::finish_learning() {
+void SensorDrift::settle(int part) {
   const auto stride = static_cast<std::size_t>(options_.learn_frames);
-  depth_m_.assign(grid_.size(), 0.0F);
+  const auto parts = static_cast<std::size_t>(options_.learn_parts);
+  const double needed = kLearnedShare * options_.learn_frames;
   std::vector<float> depths;
-  for (std::size_t cell = 0; cell < grid_.size(); ++cell) {
+  for (auto cell = static_cast<std::size_t>(part); cell < grid_.size(); cell += parts) {
     depths.clear();
     for (std::size_t i = 0; i < stride; ++i)
-      if (const float z = depth_of(learned_[cell * stride + i]); z > 0) depths.push_back(z);
-    const double needed = kLearnedShare * options_.learn_frames;
+      if (const float z = depth_of(learned_[cell / parts * stride + i]); z > 0) depths.push_back(z);
     if (static_cast<double>(depths.size()) < needed) continue;
     const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
     std::nth_element(depths.begin(), middle, depths.end());
@@ -95,8 +102,6 @@ void SensorDrift::finish_learning() {
       if (std::abs(one - z) <= band) sum += one, count += 1;
     if (count >= needed) depth_m_[cell] = static_cast<float>(sum / count);
   }
-  learned_ = {};
-  begin_watching();
 }
 
 void SensorDrift::begin_watching() {

@@ -16,7 +16,8 @@ namespace wagonsight {
 struct DriftOptions {
   double alarm_shift_m = 0.010;
   double alarm_turn_rad = 0.3 * 0.017453292519943295;
-  int learn_frames = 48;   // of the empty wagon
+  int learn_frames = 24;   // of the empty wagon, of each cell
+  int learn_parts = 2;     // every second cell first, then the others: half of the memory
   int window_frames = 20;  // of one judgement; at two frames a second ten seconds
   int windows_to_alarm = 2;
   int windows_to_clear = 6;
@@ -29,9 +30,11 @@ struct KeepOut {
 
 // Holds one sensor's static depth against the day of calibration.
 //
-//   kLearning --learn_frames--> kWatching --windows_to_alarm judgements beyond--> kMoved
-//       ^                           ^  <------windows_to_clear judgements within------'
-//       '-- no model given          '-- model given
+//   kLearning --learn_frames * learn_parts--> kWatching --windows_to_alarm judgements beyond-->
+//   kMoved
+//       ^                                         ^  <------windows_to_clear judgements
+//       within------'
+//       '-- no model given                        '-- model given
 //
 // It never changes a calibration. Allocates; not for the data path. One thread.
 class SensorDrift {
@@ -48,7 +51,9 @@ class SensorDrift {
 
   State state() const { return state_; }
   // The static depth by cell; empty while learning.
-  std::span<const float> depth_m() const { return depth_m_; }
+  std::span<const float> depth_m() const {
+    return state_ == State::kLearning ? std::span<const float>{} : std::span(depth_m_);
+  }
   // The last judgement that said anything.
   const SensorMotion& motion() const { return motion_; }
   // Most of what was solid is seen through: it looks elsewhere now.
@@ -58,7 +63,7 @@ class SensorDrift {
 
  private:
   void learn(std::span<const std::uint16_t> readings, std::span<const KeepOut> people);
-  void finish_learning();
+  void settle(int part);
   void begin_watching();
   void gather(std::span<const std::uint16_t> readings, std::span<const KeepOut> people);
   void judge();
@@ -72,7 +77,7 @@ class SensorDrift {
   State state_ = State::kLearning;
   std::vector<float> depth_m_;
   std::unique_ptr<StaticSurface> surface_;
-  std::vector<std::uint16_t> learned_;  // learn_frames readings a cell, only while learning
+  std::vector<std::uint16_t> learned_;  // learn_frames readings a cell of one part
   struct Sum {
     float metres = 0;
     std::uint16_t count = 0, beyond = 0;
