@@ -60,7 +60,7 @@ std::span<const PersonPrior> Tracker::predict(double now_s) {
   for (Track& track : tracks_) {
     track.motion.predict(dt_s_, track.settled ? kSettledAcceleration : options_.acceleration);
     if (track.state == TrackState::kHidden)
-      track.motion.slow_down(dt_s_, rests(track) ? 0.05 : 1.0);
+      track.motion.slow_down(dt_s_, rests(track) || track.crowded ? 0.05 : 1.0);
     track.person.position = {track.motion.position().x(), track.motion.position().y()};
     if ((track.state != TrackState::kFollowed && !track.told) || track.thing) continue;
     const auto& place = track.settled ? track.anchor : track.person.position;

@@ -34,11 +34,15 @@ void Tracker::miss(Track& track, const VisibilityGrid& visibility) {
   const ColumnView view =
       visibility.look_at_column(position.x(), position.y(), std::max(0.8, track.head_top));
   const double unseen_s = now_s_ - track.person.last_seen;
-  // Who rests is not given up for a glance past the shoulder.
+  // Who rests is not given up for a glance past the shoulder. Neither is who stands beside
+  // somebody, away from the doors: he is taken for a part of the neighbour, and not just where he
+  // was.
   const bool resting = rests(track);
+  const bool beside = track.crowded && !wagon_.doors.empty() &&
+                      depth_inside(wagon_, track.person.position).door < 0;
   if (view.free > (resting ? 0.75F : 0.5F)) {
     if (track.free_since < 0) track.free_since = now_s_;
-    track.told = track.told && resting && now_s_ - track.free_since < options_.gone_s;
+    track.told = track.told && (resting || beside) && now_s_ - track.free_since < options_.gone_s;
     return;
   }
   track.free_since = -1;

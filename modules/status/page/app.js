@@ -65,10 +65,13 @@
     }));
   }
 
+  // One that loses frames still watches.
+  const watches = (sensor) => ['ok', 'learning', 'degraded'].includes(sensor.state);
+
   // Under limits: what still works. What does not is listed below it.
   function stillDone() {
     if (!state.sensors || !state.occupancy) return '';
-    const well = state.sensors.filter((s) => s.state === 'ok' || s.state === 'learning').length;
+    const well = state.sensors.filter(watches).length;
     return `${well} of ${state.sensors.length} sensors watch the wagon; ${count(state.occupancy.count, 'person is', 'people are')} inside.`;
   }
 
@@ -128,7 +131,7 @@
   }
 
   function showSensors(sensors) {
-    const well = sensors.filter((s) => s.state === 'ok' || s.state === 'learning').length;
+    const well = sensors.filter(watches).length;
     figure('fact-sensors', String(well), `of ${sensors.length}`);
     const body = $('sensors');
     if (!sensors.length) return body.replaceChildren();

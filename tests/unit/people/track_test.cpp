@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "support/body_cloud.h"
@@ -215,6 +216,17 @@ TEST(Tracker, DoesNotTakeAnAdultsShoulderForTheChildBesideHim) {
     EXPECT_EQ(person.id == child, person.position[0] > 2.9);
     EXPECT_NEAR(person.height, person.id == child ? 1.22 : 1.83, 0.08);
   }
+}
+
+TEST(Tracker, WaitsForWhoIsTakenForAPartOfANeighbourWhereHeWas) {
+  Stage stage(30);
+  for (int i = 0; i < 60; ++i) stage.step({{4.0, 2.0, 1.75}, {1.4 + i / 30.0, 2.0, 1.20}});
+  ASSERT_EQ(stage.told().size(), 2U);
+  for (int i = 0; i < 5; ++i) stage.step({{4.0, 2.0, 1.75}});
+  const auto told = stage.told();
+  ASSERT_EQ(told.size(), 2U);
+  const double nearest = std::min(told[0].position[0], told[1].position[0]);
+  EXPECT_NEAR(nearest, 3.37, 0.12);  // going on as he walked, he would be 16 cm farther
 }
 
 TEST(Tracker, KnowsWhoTurnsUpInTheMiddleForTheOneWhoWasLostThere) {
