@@ -268,6 +268,7 @@ TEST(DepotRecorder, BeginsANewFileInTime) {
   TestDisk disk;
   DepotOptions options = options_for_tests();
   options.file_length = milliseconds(500);  // fifteen frames
+  options.memory_bytes = 64 * kSlotBytes;   // a writer that comes late loses none of them
   DepotRecorder recorder(small_rig(), kSlotBytes, options, disk);
   ASSERT_TRUE(recorder.start(std::chrono::minutes(5)).has_value());
   for (std::uint32_t i = 0; i < 60; ++i) {
