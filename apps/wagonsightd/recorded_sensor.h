@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -11,7 +13,8 @@ namespace wagonsight {
 
 // A recording as a source of frames, at the pace at which it was made: its frames arrive as long
 // after the daemon's start as they did after the recording's. One source for all its sensors; the
-// slots carry the sensor indices of reader().rig().
+// slots carry the sensor indices of reader().rig(). Looped, it begins anew at its end, and times,
+// sequence numbers and device ticks go on as if the sensors had never stopped.
 class RecordedSensor final : public Sensor {
  public:
   // The Error begins with the path.
@@ -24,6 +27,7 @@ class RecordedSensor final : public Sensor {
   void drop_blob() { reader_->drop_blob(); }
   // When the recording's first instant is to be; before the first poll().
   void begin_at(HostTime start) { start_ = start; }
+  void loop() { is_looped_ = true; }
 
   std::string_view name() const override { return "recording"; }
   bool poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot*>& frames) override;
@@ -31,6 +35,16 @@ class RecordedSensor final : public Sensor {
 
  private:
   explicit RecordedSensor(MappedFile file);
+  // What the first lap tells of a sensor, so that the next ones can follow it.
+  struct Stream {
+    std::uint64_t frames = 0;
+    HostTime first{}, last{};
+    std::uint32_t first_sequence = 0, last_sequence = 0;
+    std::uint64_t first_ticks = 0, last_ticks = 0;
+  };
+  bool read_next(FramePool& pool);
+  bool begin_next_lap();
+  void place_in_time(FrameSlot& slot);
   void let_go_of_read_pages();
 
   MappedFile file_;
@@ -39,6 +53,10 @@ class RecordedSensor final : public Sensor {
   FrameSlot* waiting_ = nullptr;  // read, and not due yet
   FramePool* pool_ = nullptr;
   std::size_t segment_ = 0;
+  bool is_looped_ = false;
+  std::int64_t laps_ = 0;  // that are over
+  Duration lap_length_{};
+  std::array<Stream, kSensorsMax> streams_{};
   Counters counters_;
 };
 

@@ -86,6 +86,10 @@ Result<void> Assembly::open_recordings() {
     if (std::any_of(recordings_.begin(), recordings_.end(), same)) continue;
     auto opened = RecordedSensor::open(sensor.file);
     if (!opened) return tl::unexpected(opened.error());
+    if (sensor.loop) {
+      (*opened)->loop();
+      unit_.remarks.push_back(fmt::format("{} is played again and again.", sensor.file));
+    }
     recordings_.push_back({sensor.file, std::move(*opened)});
   }
   return {};

@@ -81,11 +81,14 @@ SensorSettings read_sensor(TableReader& reader, std::string_view file_name) {
                   : source == "simulated" ? SensorSource::kSimulated
                                           : SensorSource::kRecording;
   reader.text("file", sensor.file, kPathBytesMax);
+  reader.boolean("loop", sensor.loop);
   reader.text("device", sensor.device, kDeviceBytesMax);
   if (is_known && source == "recording")
     reader.require("file", "a recorded sensor needs its recording");
   if (source != "recording" && reader.has("file"))
     reader.refuse("file", "only a recorded sensor has a recording");
+  if (source != "recording" && reader.has("loop"))
+    reader.refuse("loop", "only a recording can be looped");
   if (source == "device")
     reader.require("device", "the serial number or the place that `wagonsight devices` tells");
   else if (reader.has("device"))
@@ -110,6 +113,11 @@ void read_sensors(TableReader& root, std::string_view file_name, Mistakes& mista
     const auto same_name = [&](const SensorSettings& other) { return other.name == sensor.name; };
     if (!sensor.name.empty() && std::any_of(sensors.begin(), sensors.end(), same_name))
       reader.refuse("name", "another sensor has this name");
+    const auto other_end = [&](const SensorSettings& other) {
+      return !sensor.file.empty() && other.file == sensor.file && other.loop != sensor.loop;
+    };
+    if (std::any_of(sensors.begin(), sensors.end(), other_end))
+      reader.refuse("file", "another sensor has this recording; loop must be the same for both");
     if (sensors.size() == kSensorsMax)
       reader.refuse("name", fmt::format("there can be at most {} sensors", kSensorsMax));
     sensors.push_back(std::move(sensor));

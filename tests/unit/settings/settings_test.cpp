@@ -226,6 +226,15 @@ INSTANTIATE_TEST_SUITE_P(
                     "unit.toml:1: sensor 1.file is missing: a recorded sensor needs its recording"},
         BadSettings{"sensor_sceneless", "[[sensor]]\nname = \"k0\"\nsource = \"simulated\"",
                     "unit.toml:1: sensor: a simulated sensor needs a [demo] section with a scene"},
+        BadSettings{"sensor_loop",
+                    "[[sensor]]\nname = \"k0\"\nsource = \"device\"\ndevice = \"1-1\"\n"
+                    "loop = true",
+                    "unit.toml:5: sensor 1.loop = true: only a recording can be looped"},
+        BadSettings{"sensor_loops_differ",
+                    "[[sensor]]\nname = \"k0\"\nsource = \"recording\"\nfile = \"a\"\nloop = true\n"
+                    "[[sensor]]\nname = \"k1\"\nsource = \"recording\"\nfile = \"a\"",
+                    "unit.toml:9: sensor 2.file = \"a\": another sensor has this recording; loop "
+                    "must be the same for both"},
         BadSettings{
             "sensor_trim",
             "[[sensor]]\nname = \"k0\"\nsource = \"recording\"\nfile = \"a\"\n"
