@@ -55,6 +55,12 @@ DepotOptions depot_options(const Settings& unit) {
   return options;
 }
 
+std::array<RayTable, kSensorsMax> rays_of(const Pipeline& pipeline) {
+  std::array<RayTable, kSensorsMax> rays;
+  for (std::size_t i = 0; i < kSensorsMax; ++i) rays[i] = pipeline.rays(i);
+  return rays;
+}
+
 // What the daemon consists of once it runs; made in this order, taken down in the reverse one.
 class Daemon {
  public:
@@ -66,7 +72,7 @@ class Daemon {
         log_(shared_.block(), start),
         pool_(kSlotsPerSensor * unit_->rig.sensors.size() + kSlotsMore, unit_->slot_bytes),
         recorder_(unit_->rig, unit_->slot_bytes, depot_options(unit_->settings)),
-        drift_(unit_->rig, unit_->rays,
+        drift_(unit_->rig, rays_of(*unit_->pipeline),
                unit_->blob_file.path.empty() ? std::string() : unit_->blob_file.path + ".static",
                unit_->blob_sha256),
         tracking_(std::move(unit_->pipeline), std::move(unit_->workers), unit_->rig, pool_, bell_,

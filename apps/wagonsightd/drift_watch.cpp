@@ -35,7 +35,6 @@ DriftWatch::DriftWatch(const Rig& rig, const std::array<RayTable, kSensorsMax>& 
                        std::string model_path, const std::array<std::uint8_t, 32>& blob_sha256)
     : rig_(rig), rays_(rays), model_path_(std::move(model_path)), blob_sha256_(blob_sha256) {
   for (std::size_t i = 0; i < rig_.sensors.size(); ++i) {
-    if (rig_.sensors[i].kind != SensorKind::kKinect) continue;
     samples_[i] = std::make_unique<Sample>();
     const Camera& camera = rig_.sensors[i].camera;
     samples_[i]->readings.resize(DepthGrid{camera.width, camera.height}.size());
@@ -59,18 +58,16 @@ void DriftWatch::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-void DriftWatch::offer(const FrameSet& set, const PeopleFrame& people, bool learning) {
-  if (learning) return;
+void DriftWatch::offer(const FrameSet& set, const Pipeline& pipeline, const PeopleFrame& people) {
+  if (pipeline.learning()) return;
   for (std::size_t i = 0; i < rig_.sensors.size(); ++i) {
     Sample* sample = samples_[i].get();
-    const SensorFrame& frame = set.sensors[i];
-    if (sample == nullptr || frame.state != FrameState::kPresent || frame.slot == nullptr ||
-        frame.slot->format != PixelFormat::kDepth16 ||
-        set.instant - sample->taken < kSamplePeriod || sample->full.load(std::memory_order_acquire))
+    if (set.instant - sample->taken < kSamplePeriod || sample->full.load(std::memory_order_acquire))
       continue;
-    const DepthGrid grid{frame.slot->width, frame.slot->height};
-    if (grid.size() != sample->readings.size()) continue;
-    wagonsight::sample(grid, frame.slot->depth(), sample->readings);
+    const DepthImage depth = pipeline.depth_image(i);
+    const DepthGrid grid{depth.width, depth.height};
+    if (depth.pixels == nullptr || grid.size() != sample->readings.size()) continue;
+    wagonsight::sample(grid, depth, sample->readings);
     sample->people.clear();
     for (const Person& person : people.people) sample->people.push_back(keep_out(person.box));
     sample->taken = set.instant;
@@ -94,7 +91,7 @@ void DriftWatch::run() {
 
 void DriftWatch::take(std::size_t sensor) {
   Sample* sample = samples_[sensor].get();
-  if (sample == nullptr || !sample->full.load(std::memory_order_acquire)) return;
+  if (!sample->full.load(std::memory_order_acquire)) return;
   const bool learns = monitor_->sensor(sensor).state() == SensorDrift::State::kLearning;
   // The wagon is best learned while nobody is in it.
   const bool waits = learns && !sample->people.empty() && waits_ < kWaitsMax;
@@ -143,7 +140,7 @@ void DriftWatch::open_model() {
 void DriftWatch::keep_model() {
   if (model_kept_ || model_path_.empty()) return;
   for (std::size_t i = 0; i < rig_.sensors.size(); ++i)
-    if (samples_[i] && monitor_->sensor(i).state() == SensorDrift::State::kLearning) return;
+    if (monitor_->sensor(i).state() == SensorDrift::State::kLearning) return;
   model_kept_ = true;
   const auto written = write_file_durably(model_path_, format_static_model(monitor_->model()));
   note(written ? fmt::format("The static wagon was learned and kept as {}.", model_path_)

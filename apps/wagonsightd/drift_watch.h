@@ -13,6 +13,7 @@
 #include "base/seqlock.h"
 #include "drift/drift_monitor.h"
 #include "frame/frame.h"
+#include "pipeline/pipeline.h"
 #include "rig/ray_table.h"
 #include "snapshot/snapshot.h"
 
@@ -25,13 +26,13 @@ struct DriftReport {
   std::uint32_t notes = 0;
 };
 
-// The drift monitor's thread, polite and apart: the tracking thread leaves a sample of a frame with
-// it twice a second, and never waits for it. Sensors that deliver no depth image themselves (stereo
-// cameras) are not watched.
+// The drift monitor's thread, polite and apart: the tracking thread leaves a sample of each
+// sensor's depth with it twice a second, and never waits for it.
 class DriftWatch {
  public:
-  // `model_path`: where the static wagon of the day of calibration is kept; empty: nowhere, it is
-  // learned anew at each start. `blob_sha256` says which calibration the model must belong to.
+  // `rays` of every sensor, by its index; they must outlive it. `model_path`: where the static
+  // wagon of the day of calibration is kept; empty: nowhere, it is learned anew at each start.
+  // `blob_sha256` says which calibration the model must belong to.
   DriftWatch(const Rig& rig, const std::array<RayTable, kSensorsMax>& rays, std::string model_path,
              const std::array<std::uint8_t, 32>& blob_sha256);
   ~DriftWatch();  // stops
@@ -42,8 +43,9 @@ class DriftWatch {
   void stop();
 
   // Tracking thread, after an instant was processed. Copies 25 KB a sensor when a sample is due
-  // and the last one was taken; allocates nothing. `learning`: people are not known yet.
-  void offer(const FrameSet& set, const PeopleFrame& people, bool learning);
+  // and the last one was taken; allocates nothing. Nothing is taken while the pipeline learns, for
+  // people are not known then.
+  void offer(const FrameSet& set, const Pipeline& pipeline, const PeopleFrame& people);
 
   // Control thread. False until there is something to say.
   bool report(DriftReport& report) const { return shared_.load(report); }

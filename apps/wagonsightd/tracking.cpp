@@ -93,7 +93,7 @@ void Tracking::take_frames() {
 void Tracking::process(const FrameSet& set) {
   if (now_->framesets == 0) frame_offset_s_ = to_seconds(set.instant - daemon_start_);
   now_->frame = pipeline_->process(set);
-  if (drift_ != nullptr) drift_->offer(set, now_->frame, pipeline_->learning());
+  if (drift_ != nullptr) drift_->offer(set, *pipeline_, now_->frame);
   shift_times(now_->frame);
   tell(set);
 }

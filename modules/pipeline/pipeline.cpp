@@ -42,6 +42,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(const Rig& rig,
         static_cast<std::size_t>(sensor.camera.width * sensor.camera.height));
     state->lanes[i].foreground->sensor_index = static_cast<std::uint8_t>(i);
   }
+  state->all_rays = rays;
   state->order_parts();
   return std::unique_ptr<Pipeline>(new Pipeline(std::move(state)));
 }
@@ -251,6 +252,16 @@ bool Pipeline::learning() const {
   for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
     if (state_->lanes[i].extractor->learning()) return true;
   return false;
+}
+
+DepthImage Pipeline::depth_image(std::size_t sensor_index) const {
+  if (sensor_index >= state_->rig.sensors.size()) return {};
+  const FrameSlot* slot = depth_slot(state_->depth.sensors[sensor_index]);
+  return slot == nullptr ? DepthImage{} : slot->depth();
+}
+
+RayTable Pipeline::rays(std::size_t sensor_index) const {
+  return sensor_index < kSensorsMax ? state_->all_rays[sensor_index] : RayTable{};
 }
 
 const StereoReport* Pipeline::stereo_report(std::size_t sensor_index) const {

@@ -89,6 +89,12 @@ class Pipeline {
   // Share of a sensor's pixels whose background is known, 0..1.
   double background_share(std::size_t sensor_index) const;
   bool learning() const;
+  // A sensor's depth at the last process(), a stereo camera's as it was matched: where nothing
+  // changed, the last match stays. No pixels where it had none then. Valid until the next process()
+  // and no longer than that instant's frames.
+  DepthImage depth_image(std::size_t sensor_index) const;
+  // The rays of its pixels: those of the blob, or those made here. As long as the pipeline.
+  RayTable rays(std::size_t sensor_index) const;
   // What a stereo camera says of itself, after the last process(); nullptr for other sensors.
   const StereoReport* stereo_report(std::size_t sensor_index) const;
 

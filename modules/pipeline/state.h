@@ -62,7 +62,8 @@ struct Pipeline::State {
   Rig rig;
   PipelineOptions options;
   std::vector<std::vector<PixelRay>> own_rays;
-  std::vector<WorkerSpace> spaces;  // one for each worker
+  std::array<RayTable, kSensorsMax> all_rays;  // the blob's and own_rays
+  std::vector<WorkerSpace> spaces;             // one for each worker
   std::array<SensorLane, kSensorsMax> lanes;
   FixedVector<std::size_t, kSensorsMax> parts;  // sensors, those first that take longest
   FrameSet depth;                               // the frames of this instant, all of them of depth
