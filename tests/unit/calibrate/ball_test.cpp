@@ -6,50 +6,19 @@
 
 #include "calibrate/ball_centre.h"
 #include "calibrate/markers.h"
+#include "support/drawn_ball.h"
 
 namespace wagonsight {
 namespace {
 
 const Camera kCamera{640, 480, 575, 576, 318, 242, {}};
 
-// The exact outline of a sphere: rays that touch it, as an ellipse fitted to five of their pixels.
-BallOutline outline_of(const Eigen::Vector3d& centre, double radius) {
-  const Eigen::Vector3d axis = centre.normalized(), across = axis.unitOrthogonal(),
-                        other = axis.cross(across);
-  const double sine = radius / centre.norm(), cosine = std::sqrt(1 - sine * sine);
-  std::vector<Eigen::Vector2d> pixels;
-  for (int i = 0; i < 360; ++i) {
-    const double t = i * 3.14159265358979 / 180;
-    pixels.push_back(
-        project(kCamera, cosine * axis + sine * (std::cos(t) * across + std::sin(t) * other))
-            .value());
-  }
-  // An ellipse's centre is the mean of its extremes along x and along y; its axes follow from the
-  // second moments of the conic, here by fitting a x^2 + b x y + c y^2 = 1 about the centre.
-  Eigen::Vector2d low = pixels[0], high = pixels[0];
-  for (const auto& p : pixels) low = low.cwiseMin(p), high = high.cwiseMax(p);
-  BallOutline outline;
-  outline.centre = (low + high) / 2;
-  Eigen::MatrixXd A(static_cast<Eigen::Index>(pixels.size()), 3);
-  for (std::size_t i = 0; i < pixels.size(); ++i) {
-    const Eigen::Vector2d d = pixels[i] - outline.centre;
-    A.row(static_cast<Eigen::Index>(i)) << d.x() * d.x(), 2 * d.x() * d.y(), d.y() * d.y();
-  }
-  const Eigen::Vector3d conic = A.colPivHouseholderQr().solve(Eigen::VectorXd::Ones(A.rows()));
-  Eigen::Matrix2d M;
-  M << conic[0], conic[1], conic[1], conic[2];
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(M);
-  outline.semi_axes_px = eigen.eigenvalues().cwiseSqrt().cwiseInverse();
-  outline.angle = std::atan2(eigen.eigenvectors()(1, 0), eigen.eigenvectors()(0, 0));
-  return outline;
-}
-
 TEST(BallCentre, UndoesThePerspectiveEccentricity) {
   double corrected = 0;
   const std::vector<Eigen::Vector3d> centres = {
       {0, 0, 1.5}, {0.5, 0.3, 1.0}, {-0.6, 0.35, 1.2}, {0.9, -0.6, 2.5}};
   for (const Eigen::Vector3d& centre : centres) {
-    const auto found = ball_centre(kCamera, outline_of(centre, 0.1), 0.1);
+    const auto found = ball_centre(kCamera, test::outline_of(kCamera, centre, 0.1), 0.1);
     ASSERT_TRUE(found);
     const Eigen::Vector2d expected = project(kCamera, centre).value();
     EXPECT_NEAR((found->pixel - expected).norm(), 0, 0.02) << centre.transpose();
@@ -61,7 +30,6 @@ TEST(BallCentre, UndoesThePerspectiveEccentricity) {
 
 TEST(SphereFit, FindsABallBeforeAWallOnATripodThroughNoise) {
   std::mt19937 random(4);
-  std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(0, 1);
   const DepthNoise noise;
   ImagerSolution imager;
@@ -73,22 +41,7 @@ TEST(SphereFit, FindsABallBeforeAWallOnATripodThroughNoise) {
   for (int i = 0; i < kBalls; ++i) {
     const Eigen::Vector3d centre(0.6 * (uniform(random) - 0.5), 0.5 * (uniform(random) - 0.5),
                                  1.2 + 0.8 * uniform(random));
-    std::vector<std::uint16_t> raw(640 * 480);
-    for (int v = 0; v < 480; ++v)
-      for (int u = 0; u < 640; ++u) {
-        const Eigen::Vector3d ray = ray_through(kCamera, Eigen::Vector2d(u, v)).value();
-        // |z ray - centre| = radius, nearer solution.
-        const double a = ray.squaredNorm(), b = ray.dot(centre),
-                     c = centre.squaredNorm() - radius * radius;
-        double z = b * b - a * c > 0 ? (b - std::sqrt(b * b - a * c)) / a : 3.0;
-        const Eigen::Vector3d at_post = centre.z() * ray;
-        if (z == 3.0 && std::abs(at_post.x() - centre.x()) < 0.015 && at_post.y() > centre.y())
-          z = centre.z();
-        if (uniform(random) < 0.05) continue;
-        z += noise.sigma(z) * normal(random);
-        raw[static_cast<std::size_t>(v * 640 + u)] =
-            static_cast<std::uint16_t>(std::lround(1e3 * z));
-      }
+    const auto raw = test::depth_of_ball(kCamera, centre, radius, noise, random);
     const DepthImage image{raw.data(), 640, 480};
     const Eigen::Vector2d near = project(kCamera, centre).value() + Eigen::Vector2d(3, -4);
     const auto fit = fit_sphere(image, imager, near, radius);
