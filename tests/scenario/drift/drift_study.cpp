@@ -110,7 +110,7 @@ struct Move {
   const char* name;
   double shift_m = 0, turn_deg = 0, scale = 1;
   bool must_alarm = false, must_not = false;  // of a Kinect
-  bool must_alarm_stereo = must_alarm, must_not_stereo = must_not;
+  bool must_alarm_stereo = must_alarm;
 };
 
 struct Study {
@@ -191,8 +191,7 @@ bool try_all(const Study& study, SensorKind kind, const Move& move, int trials) 
   std::fflush(stdout);
   const bool is_stereo = kind == SensorKind::kStereo;
   const bool must_alarm = is_stereo ? move.must_alarm_stereo : move.must_alarm;
-  const bool must_not = is_stereo ? move.must_not_stereo : move.must_not;
-  return !(must_alarm && tally.alarms < tally.trials) && !(must_not && tally.alarms > 0);
+  return !(must_alarm && tally.alarms < tally.trials) && !(move.must_not && tally.alarms > 0);
 }
 
 // The hours are shared by the sensors; each begins at another place of the scene.
