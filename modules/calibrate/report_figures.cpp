@@ -11,6 +11,7 @@ namespace {
 
 // Upper ends of the map's shades, millimetres; the last is open.
 constexpr std::array kLevels_mm = {2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 50.0};
+constexpr double kMapWidth = 500, kMapHeight = 560;  // of the drawing, about as it is shown
 
 int level_of(double metres) {
   int level = 0;
@@ -131,15 +132,18 @@ std::string map_figure(const UncertaintyMap& map, const Rig& rig, bool pose_only
   }
   low.array() -= 0.3;
   high.array() += 0.3;
-  // x to the right, y up, as W is seen from above.
-  const auto x = [&](double w) { return (w - low.x()) * 100; };
-  const auto y = [&](double w) { return (high.y() - w) * 100; };
+  // x to the right, y up, as W is seen from above. Names and sensors are as large in any wagon.
+  const Eigen::Vector2d extent = high - low;
+  const double metre = std::min(kMapWidth / extent.x(), kMapHeight / extent.y());
+  const double width = extent.x() * metre, height = extent.y() * metre;
+  const auto x = [&](double w) { return (w - low.x()) * metre; };
+  const auto y = [&](double w) { return (high.y() - w) * metre; };
   std::string svg = fmt::format(
       "<svg viewBox=\"0 0 {:.0f} {:.0f}\" class=\"map\" role=\"img\" aria-label=\"uncertainty from "
       "above\">",
-      (high.x() - low.x()) * 100, (high.y() - low.y()) * 100);
+      width, height);
   std::array<std::string, kLevels_mm.size() + 1> paths;
-  const double step = map.cell_m * 100;
+  const double step = map.cell_m * metre;
   for (int row = 0; row < map.rows; ++row)
     for (int column = 0, end = 0; column < map.columns; column = end) {
       // Cells of one shade side by side become one rectangle.
@@ -159,9 +163,9 @@ std::string map_figure(const UncertaintyMap& map, const Rig& rig, bool pose_only
     svg += fmt::format("<path d=\"{}\" class=\"level{}\"/>", paths[level], level);
   std::string grid;
   for (double line = std::ceil(low.x()); line < high.x(); line += 1)
-    grid += fmt::format("M{:.1f} 0V{:.0f}", x(line), (high.y() - low.y()) * 100);
+    grid += fmt::format("M{:.1f} 0V{:.0f}", x(line), height);
   for (double line = std::ceil(low.y()); line < high.y(); line += 1)
-    grid += fmt::format("M0 {:.1f}H{:.0f}", y(line), (high.x() - low.x()) * 100);
+    grid += fmt::format("M0 {:.1f}H{:.0f}", y(line), width);
   svg += fmt::format("<path d=\"{}\" class=\"grid\"/>", grid);
   svg += fmt::format(
       "<path d=\"M{0:.1f} {1:.1f}h50m-50 0v-50\" class=\"axes\"/>"

@@ -36,7 +36,7 @@ figcaption b{color:var(--ink);font-weight:600;overflow:hidden;text-overflow:elli
 .vectors.under{stroke:#000;stroke-opacity:.7}.crosses{stroke:#ff4d3d;fill:none}
 .coverage{width:100%;display:block;border-radius:8px;background:var(--sunk)}.coverage .filled{fill:var(--accent)}
 .coverage .empty{fill:var(--bad-soft)}.coverage rect{stroke:var(--card);stroke-width:3}.corner-dots{stroke:var(--ink);stroke-opacity:.55;stroke-linecap:round}
-.maps{display:grid;gap:20px;grid-template-columns:repeat(auto-fit,minmax(380px,1fr))}
+.maps{display:grid;gap:20px;grid-template-columns:repeat(auto-fit,minmax(min(380px,100%),1fr))}
 .map{width:100%;max-height:560px;background:var(--sunk);border-radius:8px}.map text{font:600 17px system-ui,sans-serif;fill:var(--ink)}
 .map .name{paint-order:stroke;stroke:var(--card);stroke-width:5px;stroke-linejoin:round}
 .grid{stroke:var(--ink);stroke-opacity:.13;fill:none}.axes{stroke:var(--ink);stroke-width:2.5;fill:none}
