@@ -23,9 +23,12 @@ constexpr double kTukey = 4.685;
 constexpr double kSigmaMin = 0.002;  // metres: below are errors that all points of a wall share
 // Points of one wall err together (its normal, the sensor's pattern), so that many count as one.
 constexpr double kPointsAsOne = 25;
+constexpr double kWeightMax = 2;  // near points have the errors of normals, too
 constexpr std::size_t kPointsMin = 250;
 constexpr int kIterations = 12;
 
+// Of equal weight by what the sensor's noise is at that depth; as long as they are at the arm's
+// end.
 struct Equation {
   Vector7 row;  // turn (times the arm), shift, scale (times the arm)
   double residual = 0;
@@ -41,14 +44,16 @@ struct Pose {
 };
 
 std::vector<Equation> equations(const StaticSurface& surface,
-                                std::span<const Eigen::Vector3f> now_S, const Pose& pose) {
+                                std::span<const Eigen::Vector3f> now_S, const DepthNoise& noise,
+                                const Pose& pose) {
   std::vector<Equation> list;
   list.reserve(now_S.size());
   for (const Eigen::Vector3f& seen : now_S) {
     const Eigen::Vector3d p = pose * seen.cast<double>();
     const StaticSurface::Point* then = surface.nearest(p.cast<float>(), kReach);
     if (then == nullptr) continue;
-    const Eigen::Vector3d n = then->normal_S.cast<double>();
+    const double weight = std::min(kWeightMax, noise.sigma(kArm) / noise.sigma(seen.z()));
+    const Eigen::Vector3d n = weight * then->normal_S.cast<double>();
     Equation equation;
     equation.row.head<3>() = p.cross(n) / kArm;
     equation.row.segment<3>(3) = n;
@@ -119,13 +124,14 @@ std::string name_of(const Vector7& direction) {
 
 }  // namespace
 
-SensorMotion register_onto(const StaticSurface& surface, std::span<const Eigen::Vector3f> now_S) {
+SensorMotion register_onto(const StaticSurface& surface, std::span<const Eigen::Vector3f> now_S,
+                           const DepthNoise& noise) {
   SensorMotion motion;
   Pose pose;
   Solved solved;
   std::size_t met = 0;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    const std::vector<Equation> list = equations(surface, now_S, pose);
+    const std::vector<Equation> list = equations(surface, now_S, noise, pose);
     met = list.size();
     if (met < kPointsMin) return motion;
     const Eigen::AngleAxisd so_far(pose.rotation);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "drift/static_surface.h"
+#include "rig/rig.h"
 
 namespace wagonsight {
 
@@ -24,10 +25,12 @@ struct SensorMotion {
 };
 
 // The motion that brings `now_S` onto the surface: point to plane (Chen and Medioni 1992), robust
-// (Tukey's weights on the median deviation), with the prior that the sensor stands within 2 cm of
-// its place. In the space of the normal matrix's eigenvectors, directions that are known to less
-// than 3 mm (2 m away for turns and scale) are named in `vague`; those known to less than 8 mm are
-// left at zero. The sigmas are along the shift and about the turn. Allocates.
-SensorMotion register_onto(const StaticSurface& surface, std::span<const Eigen::Vector3f> now_S);
+// (Tukey's weights on the median deviation), points by the `noise` at their depth, with the prior
+// that the sensor stands within 2 cm of its place. In the space of the normal matrix's
+// eigenvectors, directions that are known to less than 3 mm (2 m away for turns and scale) are
+// named in `vague`; those known to less than 8 mm are left at zero. The sigmas are along the shift
+// and about the turn. Allocates.
+SensorMotion register_onto(const StaticSurface& surface, std::span<const Eigen::Vector3f> now_S,
+                           const DepthNoise& noise);
 
 }  // namespace wagonsight

@@ -13,9 +13,7 @@ constexpr double kBeyondShare = 0.25;     // of the points seen through: it look
 constexpr double kFittingShareMin = 0.3;  // fewer fit: what is seen is not the wagon
 // An alarm is due beyond the limits; at a limit half of all judgements would fall short of it.
 constexpr double kAlarmShare = 0.8, kClearShare = 0.6;
-// In sigmas of what was measured, each of the judgements in a row. A stereo camera's sigma is 3 to
-// 5 mm: with three of them a centimetre would not be told.
-constexpr double kSignificance = 3, kSignificanceStereo = 2;
+constexpr double kSignificance = 3;  // sigmas of what was measured
 // The largest turn and shift that a judgement should still measure.
 constexpr double kTurnMeasured = 0.02, kShiftMeasured = 0.05;
 
@@ -155,18 +153,16 @@ void SensorDrift::judge() {
   std::fill(window_.begin(), window_.end(), Sum{});
   looks_elsewhere_ = !points.empty() && static_cast<double>(beyond) >
                                             kBeyondShare * static_cast<double>(points.size());
-  const SensorMotion motion = register_onto(*surface_, seen);
+  const SensorMotion motion = register_onto(*surface_, seen, sensor_.noise);
   const bool told = motion.known && motion.fitting_share >= kFittingShareMin;
   if (told) motion_ = motion;
   if (!told && !looks_elsewhere_) return;  // too little of the wagon is in sight to say anything
   const double shift = motion.shift_m.norm(), turn = motion.turn_rad.norm();
   // Beyond the limit, and no play of the noise.
-  const double significance =
-      sensor_.kind == SensorKind::kStereo ? kSignificanceStereo : kSignificance;
   const auto exceeds = [&](double share) {
     return looks_elsewhere_ ||
-           shift > std::max(share * options_.alarm_shift_m, significance * motion.sigma_shift_m) ||
-           turn > std::max(share * options_.alarm_turn_rad, significance * motion.sigma_turn_rad);
+           shift > std::max(share * options_.alarm_shift_m, kSignificance * motion.sigma_shift_m) ||
+           turn > std::max(share * options_.alarm_turn_rad, kSignificance * motion.sigma_turn_rad);
   };
   beyond_ = exceeds(kAlarmShare) ? beyond_ + 1 : 0;
   within_ = exceeds(kClearShare) ? 0 : within_ + 1;

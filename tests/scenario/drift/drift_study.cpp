@@ -3,7 +3,7 @@
 // passengers), and how long it takes to the alarm; then H hours in which nothing moves. Prints a
 // table and fails when a limit is missed: every move of a Kinect by 1 cm or 0.3 degrees and more is
 // told within a minute, no warm-up and nothing that stands still is; half a centimetre may be told,
-// as a measurement is off by 2 to 3 mm. A stereo camera measures with a sigma of 3 to 5 mm: twice
+// as a measurement is off by 2 to 3 mm. A stereo camera measures with a sigma of 2 to 5 mm: twice
 // the move must be told.
 #include <fmt/format.h>
 
