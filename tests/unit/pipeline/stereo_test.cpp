@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "allocation_count.h"
@@ -62,6 +63,8 @@ class StereoUnit {
   double time() { return to_seconds(slots_[0].instant.time_since_epoch()); }
   const StereoReport& report(std::size_t i) { return *pipeline_->stereo_report(i); }
   Simulation& simulation() { return simulation_; }
+  const Pipeline& pipeline() const { return *pipeline_; }
+  HostTime instant(std::size_t i) const { return slots_[i].instant; }
   Rig rig() const { return rig_; }
   const Scene& scene() const { return scene_; }
 
@@ -126,6 +129,28 @@ TEST(PipelineStereo, ImagesTooDarkAreToldAndShowNobody) {
   for (int i = 0; i < 5; ++i) EXPECT_TRUE(unit.step().people.empty());
   EXPECT_FALSE(unit.report(0).usable);
   EXPECT_EQ(unit.report(0).unusable, 5U);
+  EXPECT_EQ(unit.pipeline().depth_image(0).pixels, nullptr);
+}
+
+// What the drift monitor looks at.
+TEST(PipelineStereo, TheMatchedDepthIsTold) {
+  StereoUnit unit;
+  for (int i = 0; i < 6; ++i) unit.step();
+  SimulatedDevice& device = unit.simulation().device(1);
+  const DepthImage depth = unit.pipeline().depth_image(1);
+  const auto pixels = static_cast<std::size_t>(depth.width * depth.height);
+  ASSERT_EQ(pixels, unit.pipeline().rays(1).size());
+  std::vector<float> truth(pixels);
+  device.stereo()->truth(device.world(), unit.instant(1), truth);
+  std::vector<float> errors;
+  for (std::size_t i = 0; i < pixels; ++i)
+    if (depth.pixels[i] != 0 && truth[i] > 0)
+      errors.push_back(std::abs(1e-3F * static_cast<float>(depth.pixels[i]) * truth[i] - 1));
+  ASSERT_GT(errors.size(), pixels / 3);
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  EXPECT_LT(*middle, 0.03F);
+  EXPECT_EQ(unit.pipeline().depth_image(2).pixels, nullptr);
 }
 
 TEST(PipelineStereo, ABentCameraIsFound) {
