@@ -57,3 +57,7 @@ set(CMAKE_CXX_FLAGS_INIT "${hardening}")
 # -B: the start files, too, are those of the pinned C library; -L goes before the compiler's own folders.
 set(CMAKE_EXE_LINKER_FLAGS_INIT
     "-static-pie -B${libraries}/ -L${libraries} -Wl,-z,relro,-z,now,-z,noexecstack,--build-id=sha1")
+if(WAGONSIGHT_ARCHITECTURE STREQUAL "x86_64")
+  # 5,000 relocations in one kilobyte instead of 120; the linker of Debian 12 cannot do it for aarch64.
+  string(APPEND CMAKE_EXE_LINKER_FLAGS_INIT ",-z,pack-relative-relocs")
+endif()

@@ -1,0 +1,172 @@
+// The hand of the campaign inside the machine. The image that is put to the test is the shipped
+// one, which has no login; so the campaign hands the loader a second initramfs, in which this is
+// the first program. It leaves a child behind that lives below the unit's root, and becomes the
+// shipped first program. The child obeys lines on the second serial line:
+//   kill       SIGKILL for wagonsightd itself      -> killed PID
+//   kill-web   SIGKILL for its web side            -> killed PID
+//   forget     removes the note of past crashes    -> forgotten
+//   resident   names and resident kB of every process, and the machine's memory; ends with "."
+//   flood N    N lines of 200 bytes to the log     -> flooded, and the log's shared memory in bytes
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/mount.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <string>
+
+namespace {
+
+const std::string kProc = "/drill/proc/", kDev = "/drill/dev/";
+
+struct Process {
+  int pid = 0, parent = 0;
+  std::string name;
+  std::string resident_kb;
+};
+
+void for_each_process(const std::function<void(const Process&)>& visit) {
+  DIR* folder = opendir(kProc.c_str());
+  if (folder == nullptr) return;
+  while (const dirent* entry = readdir(folder)) {
+    Process process;
+    process.pid = std::atoi(entry->d_name);
+    if (process.pid <= 0) continue;
+    std::ifstream status(kProc + entry->d_name + "/status");
+    for (std::string line; std::getline(status, line);) {
+      std::istringstream words(line);
+      std::string key, value;
+      words >> key >> value;
+      if (key == "Name:") process.name = value;
+      if (key == "PPid:") process.parent = std::atoi(value.c_str());
+      if (key == "VmRSS:") process.resident_kb = value;
+    }
+    visit(process);
+  }
+  closedir(folder);
+}
+
+// The daemon is the parent, its web side the child of the same name.
+int find_daemon(bool is_web_wanted) {
+  int daemon = 0, web = 0;
+  for_each_process([&](const Process& process) {
+    if (process.name == "wagonsightd" && process.parent == 1) daemon = process.pid;
+  });
+  for_each_process([&](const Process& process) {
+    if (daemon != 0 && process.parent == daemon) web = process.pid;
+  });
+  return is_web_wanted ? web : daemon;
+}
+
+std::string kill_one(bool is_web_wanted) {
+  const int pid = find_daemon(is_web_wanted);
+  if (pid == 0 || kill(pid, SIGKILL) != 0) return "there is none\n";
+  return "killed " + std::to_string(pid) + "\n";
+}
+
+std::string tell_resident() {
+  std::string told;
+  for_each_process([&](const Process& process) {
+    if (!process.resident_kb.empty())
+      told += "resident " + process.name + " " + std::to_string(process.pid) + " " +
+              process.resident_kb + "\n";
+  });
+  std::ifstream memory(kProc + "meminfo");
+  for (std::string line; std::getline(memory, line);)
+    if (line.starts_with("Mem") || line.starts_with("Shmem:")) told += line + "\n";
+  return told + ".\n";
+}
+
+std::string flood(int lines) {
+  const std::string path = kProc + "1/root/dev/log";
+  const int fd = socket(AF_UNIX, SOCK_DGRAM, 0);
+  sockaddr_un to{};
+  to.sun_family = AF_UNIX;
+  path.copy(to.sun_path, sizeof to.sun_path - 1);
+  if (connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) return "no log\n";
+  for (int i = 0; i < lines; ++i) {
+    std::string line = "<14>drill: line " + std::to_string(i) + " ";
+    line.resize(200, 'x');
+    if (send(fd, line.data(), line.size(), 0) < 0) return "the log is gone\n";
+  }
+  close(fd);
+  std::ifstream segments(kProc + "sysvipc/shm");
+  std::string told = "flooded", line;
+  std::getline(segments, line);  // the head
+  while (std::getline(segments, line)) {
+    std::istringstream words(line);
+    std::string key, id, permissions, size;
+    words >> key >> id >> permissions >> size;
+    told += " " + size;
+  }
+  return told + "\n";
+}
+
+std::string obey(const std::string& command) {
+  if (command == "kill") return kill_one(false);
+  if (command == "kill-web") return kill_one(true);
+  if (command == "forget")
+    return unlink((kProc + "1/root/run/wagonsight/run-record").c_str()) == 0 ? "forgotten\n"
+                                                                             : "nothing noted\n";
+  if (command == "resident") return tell_resident();
+  if (command.starts_with("flood ")) return flood(std::atoi(command.c_str() + 6));
+  return "what? " + command + "\n";
+}
+
+// On the console.
+void say(const char* text) {
+  const int fd = open((kDev + "kmsg").c_str(), O_WRONLY);
+  const std::string line = std::string("<1>drill: ") + text;
+  if (write(fd, line.data(), line.size()) < 0) perror("drill");
+  close(fd);
+}
+
+void obey_the_line() {
+  mkdir("/drill", 0700);
+  mkdir(kProc.c_str(), 0700);
+  mkdir(kDev.c_str(), 0700);
+  mount("proc", kProc.c_str(), "proc", 0, nullptr);
+  mount("dev", kDev.c_str(), "devtmpfs", 0, nullptr);
+  const int line = open((kDev + "ttyS1").c_str(), O_RDWR | O_NOCTTY);
+  say(line < 0 ? "there is no second serial line" : "listens");
+  if (line < 0) return;
+  termios settings{};
+  tcgetattr(line, &settings);
+  cfmakeraw(&settings);
+  tcsetattr(line, TCSANOW, &settings);
+  std::string command;
+  for (char c = 0; read(line, &c, 1) == 1;) {
+    if (c != '\n') {
+      command += c;
+      continue;
+    }
+    const std::string answer = obey(command);
+    for (std::size_t done = 0; done < answer.size();) {
+      const ssize_t wrote = write(line, answer.data() + done, answer.size() - done);
+      if (wrote <= 0) return;
+      done += static_cast<std::size_t>(wrote);
+    }
+    command.clear();
+  }
+}
+
+}  // namespace
+
+int main() {
+  if (fork() == 0) {
+    setsid();
+    obey_the_line();
+    return 0;
+  }
+  execl("/bin/sh", "sh", "/init.shipped", nullptr);
+  return 1;
+}
