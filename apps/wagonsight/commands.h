@@ -23,5 +23,7 @@ void add_inspect(CommandLine& line);
 void add_export(CommandLine& line);
 void add_diagnose(CommandLine& line);
 void add_devices(CommandLine& line);
+void add_bundle(CommandLine& line);
+void add_update(CommandLine& line);
 
 }  // namespace wagonsight

@@ -38,6 +38,8 @@ void declare(CommandLine& line) {
   add_export(line);
   add_diagnose(line);
   add_devices(line);
+  add_bundle(line);
+  add_update(line);
 }
 
 int run(int argc, char** argv) {

@@ -12,8 +12,8 @@ using ::testing::StartsWith;
 
 class Usage : public testing::ProgramTest {};
 
-constexpr std::array kCommands{"simulate", "import", "record",   "replay", "evaluate",
-                               "inspect",  "export", "diagnose", "devices"};
+constexpr std::array kCommands{"simulate", "import",   "record",  "replay", "evaluate", "inspect",
+                               "export",   "diagnose", "devices", "bundle", "update"};
 
 TEST_F(Usage, EveryCommandHasHelp) {
   const auto all = run("--help");
@@ -38,7 +38,8 @@ TEST_F(Usage, WrongUsageIsTwoAndOneSentence) {
   for (const char* arguments :
        {"", "dance", "import", "import --depth", "replay", "replay a.mcap", "export a.mcap --out b",
         "export a.mcap --time soon --out b.ply", "simulate --scene s --seconds -1 --out r",
-        "inspect", "inspect a b", "import --frames x", "evaluate --truth t"}) {
+        "inspect", "inspect a b", "bundle", "bundle new-key", "update --to 10.0.0.1",
+        "import --frames x", "evaluate --truth t"}) {
     const auto wrong = run(arguments);
     EXPECT_EQ(wrong.exit_code, 2) << arguments << ": " << wrong.err;
     EXPECT_EQ(wrong.out, "") << arguments;
