@@ -143,7 +143,7 @@ Result<void> become_nobody() {
 }  // namespace
 
 Result<void> confine_web_side(int daemon_pid) {
-  if (close_range(kWebListenFd + 1, ~0U, 0) != 0) return failed("close_range");
+  if (close_range(kWebUpdaterFd + 1, ~0U, 0) != 0) return failed("close_range");
   errno = 0;
   if (nice(kNice) == -1 && errno != 0) return failed("nice");
   if (auto nobody = become_nobody(); !nobody) return nobody;

@@ -19,6 +19,7 @@
 #include "publisher.h"
 #include "safe_mode.h"
 #include "shared_block.h"
+#include "thermal_watch.h"
 #include "tracking.h"
 #include "unit.h"
 #include "vehicle/vehicle_input.h"
@@ -65,7 +66,7 @@ std::array<RayTable, kSensorsMax> rays_of(const Pipeline& pipeline) {
 class Daemon {
  public:
   Daemon(std::unique_ptr<Unit> unit, HostTime start, SharedBlockWriter shared,
-         ListeningSocket listening, const AccessRules& access)
+         ListeningSocket listening, const AccessRules& access, const std::string& updater)
       : unit_(std::move(unit)),
         start_(start),
         shared_(std::move(shared)),
@@ -77,12 +78,14 @@ class Daemon {
                unit_->blob_sha256),
         tracking_(std::move(unit_->pipeline), std::move(unit_->workers), unit_->rig, pool_, bell_,
                   start),
+        thermal_(unit_->settings.thermal,
+                 [this](Severity severity, std::string_view text) { log_.say(severity, text); }),
         publisher_(*unit_, shared_.block(), log_, start),
         listening_(listening),
         web_(
             shared_.fd(), listening.fd, access,
             [this](std::string_view text) { log_.say(Severity::kWarning, text); },
-            [this](const UnitCommand& command) { obey(command); }) {
+            [this](const UnitCommand& command) { obey(command); }, updater) {
     for (FrameSource& source : unit_->sources)
       sources_.push_back(
           std::make_unique<SourceThread>(std::move(source), pool_, bell_, &recorder_));
@@ -132,8 +135,9 @@ class Daemon {
  private:
   void publish() {
     hear_vehicle();
+    if (thermal_.tick(seconds())) tracking_.set_rate_limit(thermal_.status().rate_limit_hz);
     publisher_.publish(tracking_, drift_, sources_, pool_, web_.restarts(), recorder_.status(),
-                       vehicle_ == nullptr ? VehicleState{} : vehicle_->state());
+                       vehicle_ == nullptr ? VehicleState{} : vehicle_->state(), thermal_.status());
   }
 
   void hear_vehicle() {
@@ -221,6 +225,7 @@ class Daemon {
   std::vector<std::unique_ptr<SourceThread>> sources_;
   DriftWatch drift_;
   Tracking tracking_;
+  ThermalWatch thermal_;
   Publisher publisher_;
   ListeningSocket listening_;
   WebSupervisor web_;
@@ -250,7 +255,7 @@ Result<void> run_unit(const DaemonOptions& options, const StopSignals& signals, 
   auto shared = SharedBlockWriter::create(*info);
   if (!shared) return tl::unexpected(shared.error());
 
-  Daemon daemon(std::move(*unit), start, std::move(*shared), *listening, *access);
+  Daemon daemon(std::move(*unit), start, std::move(*shared), *listening, *access, options.updater);
   daemon.start();
   fmt::print("{}\n", address_text(host, listening->port));
   std::fflush(stdout);

@@ -15,6 +15,7 @@ struct DaemonOptions {
   // Where a record of each run is kept, for the next one; cleared when the machine starts. Empty:
   // none.
   std::string state_folder;
+  std::string updater;  // the path of its socket; empty: none
 };
 
 // Runs the unit until SIGTERM, SIGINT or SIGHUP. The Error says what kept it from starting.

@@ -22,8 +22,11 @@ int report(const Result<void>& done) {
   return kExitFailure;
 }
 
-Result<void> check_config(const std::string& path) {
-  if (auto settings = read_settings(path); !settings) return tl::unexpected(settings.error());
+Result<void> check_config(const std::string& path, bool with_files) {
+  const auto settings = read_settings(path);
+  if (!settings) return tl::unexpected(settings.error());
+  if (with_files)
+    if (auto checked = check_named_files(*settings); !checked) return checked;
   fmt::print("{}: is in order\n", path);
   return {};
 }
@@ -33,7 +36,7 @@ int run(int argc, char** argv) {
       "wagonsightd: watches a wagon and serves its page until it is told to stop (SIGTERM).",
       "wagonsightd"};
   DaemonOptions options;
-  bool check_only = false;
+  bool check_only = false, check_files = false;
   std::uint16_t port = 0;
   app.set_version_flag("--version", fmt::format("wagonsightd {}", kVersionText));
   app.add_option("--config", options.config, "the settings (TOML)")->required();
@@ -45,6 +48,9 @@ int run(int argc, char** argv) {
       "--state", options.state_folder,
       "a folder that a restart of the machine clears (/run/...): there a crash is noted, "
       "so that the next run tells it");
+  app.add_option("--updater", options.updater,
+                 "the socket of wagonsight-update, for the page; without it, it cannot update");
+  app.add_flag("--check-files", check_files, "with --check-config: also the files that they name");
   app.add_flag("--check-config", check_only, "only check the settings, and list every mistake");
   app.failure_message([](const CLI::App*, const CLI::Error& error) {
     return fmt::format("wagonsightd: {}; see wagonsightd --help\n", error.what());
@@ -54,7 +60,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
-  if (check_only) return report(check_config(options.config));
+  if (check_only) return report(check_config(options.config, check_files));
   if (own_port->count() > 0) options.port = port;
   return report(run_daemon(options));
 }

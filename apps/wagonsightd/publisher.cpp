@@ -67,7 +67,8 @@ Publisher::Publisher(const Unit& unit, SharedBlock& block, UnitLog& log, HostTim
 void Publisher::publish(const Tracking& tracking, const DriftWatch& drift,
                         const std::vector<std::unique_ptr<SourceThread>>& sources,
                         const FramePool& pool, std::uint32_t web_restarts,
-                        const RecordingStatus& recording, const VehicleState& vehicle) {
+                        const RecordingStatus& recording, const VehicleState& vehicle,
+                        const ThermalStatus& thermal) {
   Snapshot& s = *snapshot_;
   ++s.sequence;
   const HostTime now = host_now();
@@ -86,6 +87,8 @@ void Publisher::publish(const Tracking& tracking, const DriftWatch& drift,
   s.web_restarts = web_restarts;
   s.recording = recording;
   s.vehicle = vehicle;
+  s.thermal = thermal;
+  s.thermal.spared_instants = report_->framesets_spared;
   tell_sensors(sources);
   tell_rates();
   tell_stages();

@@ -36,7 +36,7 @@ class Publisher {
   void publish(const Tracking& tracking, const DriftWatch& drift,
                const std::vector<std::unique_ptr<SourceThread>>& sources, const FramePool& pool,
                std::uint32_t web_restarts, const RecordingStatus& recording,
-               const VehicleState& vehicle);
+               const VehicleState& vehicle, const ThermalStatus& thermal);
 
  private:
   // Counters as they were some seconds ago, for rates and shares of the last ten seconds.

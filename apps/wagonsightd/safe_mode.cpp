@@ -69,7 +69,8 @@ Result<void> run_safe_mode(const DaemonOptions& options, const StopSignals& sign
                       std::chrono::duration_cast<std::chrono::minutes>(kSafeModeMax).count()));
   const auto snapshot = std::make_unique<Snapshot>();
   tell_time(*snapshot, start, shared->block());
-  WebSupervisor page(shared->fd(), listening->fd, *access, say);
+  // An update may be what mends it.
+  WebSupervisor page(shared->fd(), listening->fd, *access, say, {}, options.updater);
   if (const auto started = page.start(seconds()); !started) say(started.error().message);
   fmt::print("http://{}:{}/\n", web.host, listening->port);
   std::fflush(stdout);

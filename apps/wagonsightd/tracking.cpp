@@ -70,12 +70,22 @@ void Tracking::run() {
     while (!stop_.load(std::memory_order_acquire) && builder_.next(host_now(), set)) {
       if (host_now() - set.instant > kBacklogMax) {
         ++now_->framesets_dropped;
+      } else if (is_spared(set)) {
+        ++now_->framesets_spared;
       } else {
         process(set);
       }
       take_frames();
     }
   }
+}
+
+// Half an instant of patience, so that half the rate is every second instant and not every third.
+bool Tracking::is_spared(const FrameSet& set) const {
+  const double limit_hz = rate_limit_hz_.load(std::memory_order_relaxed);
+  if (limit_hz <= 0 || now_->framesets == 0) return false;
+  constexpr double kHalfInstantS = 0.5 / 30;
+  return to_seconds(set.instant - worked_on_) < 1 / limit_hz - kHalfInstantS;
 }
 
 void Tracking::take_frames() {
@@ -92,6 +102,7 @@ void Tracking::take_frames() {
 
 void Tracking::process(const FrameSet& set) {
   if (now_->framesets == 0) frame_offset_s_ = to_seconds(set.instant - daemon_start_);
+  worked_on_ = set.instant;
   now_->frame = pipeline_->process(set);
   if (drift_ != nullptr) drift_->offer(set, *pipeline_, now_->frame);
   shift_times(now_->frame);

@@ -38,6 +38,7 @@ struct TrackingReport {
   std::array<TrackedSensor, kSensorsMax> sensors{};
   bool learning = true;
   std::uint64_t framesets = 0, framesets_dropped = 0;
+  std::uint64_t framesets_spared = 0;  // by set_rate_limit
   double latency_ms = 0;
   double cpu_s = 0;                             // of the tracking thread and the workers
   std::uint64_t page_faults = 0;                // of them since the first instant
@@ -63,6 +64,9 @@ class Tracking {
   // Any one other thread. False until the first instant.
   bool report(TrackingReport& report) const { return shared_->load(report); }
   std::uint64_t report_count() const { return shared_->version(); }
+  // From now on at most so many instants a second are worked on, to spare the computer; 0: all. Any
+  // thread.
+  void set_rate_limit(double hz) { rate_limit_hz_.store(hz, std::memory_order_relaxed); }
   // Rises many times a second while the thread is not stuck, with or without frames.
   std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
   // So do the workers'.
@@ -71,6 +75,7 @@ class Tracking {
  private:
   void run();
   void take_frames();
+  bool is_spared(const FrameSet& set) const;
   void process(const FrameSet& set);
   void tell(const FrameSet& set);
   void tell_stereo(std::size_t sensor_index, const FrameSet& set);
@@ -92,6 +97,8 @@ class Tracking {
   DriftWatch* drift_ = nullptr;
   std::unique_ptr<TrackingReport> now_;
   std::unique_ptr<Seqlock<TrackingReport>> shared_;
+  HostTime worked_on_{};  // the instant of the last set
+  std::atomic<double> rate_limit_hz_{0};
   std::uint64_t faults_at_start_ = 0;
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> turns_{0};

@@ -309,6 +309,20 @@ Result<Settings> read_settings(const std::string& path, std::string* text_withou
   return parse_settings(*text, path);
 }
 
+Result<void> check_named_files(const Settings& settings) {
+  if (!settings.rig.blob.empty()) {
+    const auto file = MappedFile::open(settings.rig.blob);
+    if (!file) return tl::unexpected(file.error());
+    if (const auto blob = open_blob(file->bytes()); !blob)
+      return fail(fmt::format("{}: {}", settings.rig.blob, blob.error().message));
+  }
+  for (const SensorSettings& sensor : settings.sensors)
+    if (sensor.source == SensorSource::kRecording)
+      if (auto opened = RecordedSensor::open(sensor.file); !opened)
+        return tl::unexpected(opened.error());
+  return {};
+}
+
 Result<std::unique_ptr<Unit>> assemble_unit(const std::string& settings_path,
                                             const std::string& rig_path, HostTime start) {
   auto unit = std::make_unique<Unit>();

@@ -46,6 +46,9 @@ struct Unit {
 Result<Settings> read_settings(const std::string& path,
                                std::string* text_without_secrets = nullptr);
 
+// Whether the calibration and the recordings that the settings name are there and in order.
+Result<void> check_named_files(const Settings& settings);
+
 // `rig_path` overrides the settings' blob; empty: as in the settings. The Error is one sentence.
 Result<std::unique_ptr<Unit>> assemble_unit(const std::string& settings_path,
                                             const std::string& rig_path, HostTime start);

@@ -12,12 +12,16 @@
 #include "http/server.h"
 #include "shared_block.h"
 #include "status/site.h"
+#include "update/updater_call.h"
+#include "updater_link.h"
 
 namespace wagonsight {
 namespace {
 
 constexpr Duration kPeoplePeriod = std::chrono::milliseconds(100);
 constexpr Duration kStatePeriod = std::chrono::seconds(1);
+// A bundle comes in such blocks; everything else is smaller.
+constexpr std::size_t kBodyBytesMax = kUpdaterBlockBytesMax;
 
 double monotonic_seconds() {
   timespec now{};
@@ -54,9 +58,12 @@ class WebSide : public HttpHandler {
     if (answer.command &&
         !tell_daemon({static_cast<std::uint8_t>(answer.command->kind), 0, answer.command->minutes}))
       answer = error_answer(503, "The daemon does not listen just now; try again.");
+    if (answer.updater) ask_updater(request, answer);
     return to_server(std::move(answer));
   }
   ServerAnswer refuse(int status) override { return to_server(refusal(status)); }
+
+  bool lost_updater() const { return updater_.is_lost(); }
 
   void tell_people(HttpServer& server) {
     const std::uint64_t version = block_.snapshot.version();
@@ -69,6 +76,13 @@ class WebSide : public HttpHandler {
   }
 
  private:
+  void ask_updater(const ServerRequest& request, HttpAnswer& answer) {
+    auto told = updater_.ask(*answer.updater, request.body);
+    if (!told) return;  // there is none, as the answer says
+    answer.status = told->status;
+    answer.body = std::move(told->json);
+  }
+
   static ServerAnswer to_server(HttpAnswer answer) {
     return {answer.status, std::move(answer.content_type), std::move(answer.body),
             std::move(answer.headers), answer.stream};
@@ -91,6 +105,7 @@ class WebSide : public HttpHandler {
   StatusSite site_;
   std::unique_ptr<Snapshot> snapshot_;
   std::unique_ptr<LogTail> log_;
+  UpdaterLink updater_{kWebUpdaterFd};
   bool has_snapshot_ = false;
   std::uint64_t told_version_ = 0;
 };
@@ -120,9 +135,15 @@ int run_web_side() {
     return 1;
   }
   WebSide side(**block, greeting.access);
-  HttpServer server(kWebListenFd, HttpLimits{}, side);
+  HttpLimits limits;
+  limits.body_bytes_max = kBodyBytesMax;
+  HttpServer server(kWebListenFd, limits, side);
   server.every(kPeoplePeriod, [&] { side.tell_people(server); });
-  server.every(kStatePeriod, [&] { side.tell_state(server); });
+  server.every(kStatePeriod, [&] {
+    side.tell_state(server);
+    // Only the daemon can open another link: the next web side has it.
+    if (side.lost_updater()) server.stop();
+  });
   server.every(from_seconds(kHeartbeatPeriodS), [] { (void)tell_daemon({}); });
   server.when_readable(kWebLinkFd, [&] { server.stop(); });  // the daemon went
   server.run();

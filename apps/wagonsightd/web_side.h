@@ -9,9 +9,10 @@
 namespace wagonsight {
 
 // Descriptors that the daemon gives to its web side, and the argument that makes a process one.
-inline constexpr int kWebBlockFd = 3;   // the shared block
-inline constexpr int kWebLinkFd = 4;    // a socket to the daemon
-inline constexpr int kWebListenFd = 5;  // listens already, so no start loses a connection
+inline constexpr int kWebBlockFd = 3;    // the shared block
+inline constexpr int kWebLinkFd = 4;     // a socket to the daemon
+inline constexpr int kWebListenFd = 5;   // listens already, so no start loses a connection
+inline constexpr int kWebUpdaterFd = 6;  // a socket to the updater; not open where there is none
 inline constexpr const char* kWebSideArgument = "--web-side";
 
 // The first message of the daemon on the link. Secrets come this way, never by command line,

@@ -13,11 +13,14 @@
 #include <csignal>
 #include <cstring>
 
+#include "updater_link.h"
+
 namespace wagonsight {
 namespace {
 
 constexpr double kPauseFirstS = 0.1;
 constexpr double kPauseLastS = 5.0;
+constexpr double kUpdaterPeriodS = 3.0;
 constexpr double kSettledS = 30.0;  // after so long a new fault is a first one again
 
 // Above the numbers that the web side expects, so that moving one there never overwrites another.
@@ -64,7 +67,7 @@ class SpawnPlan {
  private:
   posix_spawn_file_actions_t actions_{};
   posix_spawnattr_t attributes_{};
-  std::array<int, 3> moved_{-1, -1, -1};
+  std::array<int, 4> moved_{-1, -1, -1, -1};
   std::size_t count_ = 0;
 };
 
@@ -76,11 +79,12 @@ std::string ending_text(int status) {
 }  // namespace
 
 WebSupervisor::WebSupervisor(int block_fd, int listening_fd, const AccessRules& access, Tell tell,
-                             Obey obey)
+                             Obey obey, std::string updater)
     : block_fd_(block_fd),
       listening_fd_(listening_fd),
       tell_(std::move(tell)),
-      obey_(std::move(obey)) {
+      obey_(std::move(obey)),
+      updater_(std::move(updater)) {
   greeting_.daemon_pid = getpid();
   greeting_.access = access;
 }
@@ -108,7 +112,11 @@ Result<void> WebSupervisor::start(double now_s) {
     plan.give(block_fd_, kWebBlockFd);
     plan.give(link[1], kWebLinkFd);
     plan.give(listening_fd_, kWebListenFd);
+    const int updater = connect_updater(updater_);
+    has_updater_ = updater >= 0;
+    if (has_updater_) plan.give(updater, kWebUpdaterFd);
     error = plan.run(pid_);
+    if (has_updater_) close(updater);
   }
   close(link[1]);
   link_fd_ = link[0];
@@ -159,9 +167,22 @@ void WebSupervisor::reap(double now_s) {
                     ending_text(status), pause_s_));
 }
 
+// A descriptor can only be given at the start.
+void WebSupervisor::look_for_updater(double now_s) {
+  if (updater_.empty() || has_updater_ || killed_ || now_s < look_again_s_) return;
+  look_again_s_ = now_s + kUpdaterPeriodS;
+  const int updater = connect_updater(updater_);
+  if (updater < 0) return;
+  close(updater);
+  tell_("The updater is there; the web side is started anew with a link to it.");
+  kill(pid_, SIGKILL);
+  killed_ = true;
+}
+
 void WebSupervisor::tick(double now_s) {
   if (pid_ > 0) {
     hear(now_s);
+    look_for_updater(now_s);
     if (now_s - heard_s_ > kSilenceMaxS && !killed_) {
       tell_("The web side stopped answering and is ended.");
       kill(pid_, SIGKILL);

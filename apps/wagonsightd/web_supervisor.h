@@ -29,9 +29,10 @@ class WebSupervisor {
   // obeys bounds what it may do.
   using Obey = std::function<void(const UnitCommand&)>;
 
-  // The descriptors stay the caller's and must outlive the supervisor.
+  // The descriptors stay the caller's and must outlive the supervisor. `updater`: the path of its
+  // socket; where nobody listens, the web side is without one.
   WebSupervisor(int block_fd, int listening_fd, const AccessRules& access, Tell tell,
-                Obey obey = {});
+                Obey obey = {}, std::string updater = {});
   ~WebSupervisor();  // ends the web side
   WebSupervisor(const WebSupervisor&) = delete;
   WebSupervisor& operator=(const WebSupervisor&) = delete;
@@ -48,17 +49,21 @@ class WebSupervisor {
  private:
   void hear(double now_s);
   void reap(double now_s);
+  void look_for_updater(double now_s);
   void close_link();
 
   int block_fd_, listening_fd_;
   WebGreeting greeting_;
   Tell tell_;
   Obey obey_;
+  std::string updater_;
   std::array<std::byte, sizeof(WebMessage)> message_{};  // as far as it has come
   std::size_t message_size_ = 0;
   int pid_ = -1;
   int link_fd_ = -1;
   bool killed_ = false;
+  bool has_updater_ = false;
+  double look_again_s_ = 0;
   double started_s_ = 0, heard_s_ = 0;
   double start_again_s_ = 0, pause_s_ = 0;
   std::uint32_t restarts_ = 0;

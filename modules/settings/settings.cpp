@@ -196,6 +196,21 @@ void read_vehicle(const toml::table& table, std::string_view file_name, Mistakes
   reader.finish();
 }
 
+void read_thermal(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
+                  ThermalSettings& thermal) {
+  TableReader reader(table, "thermal", mistakes);
+  reader.text("folder", thermal.folder, kPathBytesMax);
+  thermal.folder = resolved(thermal.folder, file_name);
+  reader.number("warm_c", thermal.warm_c, 30, 120);
+  reader.number("hot_c", thermal.hot_c, 30, 120);
+  if (thermal.hot_c <= thermal.warm_c) reader.refuse("hot_c", "must be above warm_c");
+  reader.number("warm_hz", thermal.warm_hz, 1, 120);
+  reader.number("hot_hz", thermal.hot_hz, 1, 120);
+  if (thermal.hot_hz > thermal.warm_hz) reader.refuse("hot_hz", "must not be above warm_hz");
+  reader.number("hysteresis_c", thermal.hysteresis_c, 0.5, 30);
+  reader.finish();
+}
+
 void read_demo(const toml::table& table, std::string_view file_name, Mistakes& mistakes,
                DemoSettings& demo) {
   TableReader reader(table, "demo", mistakes);
@@ -236,6 +251,8 @@ Settings read_all(const toml::table& file, std::string_view file_name, Mistakes&
     read_recording(*recording, file_name, mistakes, settings.recording);
   if (const auto* vehicle = root.table("vehicle"))
     read_vehicle(*vehicle, file_name, mistakes, settings.vehicle);
+  if (const auto* thermal = root.table("thermal"))
+    read_thermal(*thermal, file_name, mistakes, settings.thermal);
   if (const auto* demo = root.table("demo")) read_demo(*demo, file_name, mistakes, settings.demo);
   check_together(root, settings);
   root.finish();

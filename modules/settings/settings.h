@@ -91,6 +91,14 @@ struct VehicleSettings {
   double silence_s = 10;  // a signal that was not repeated for so long is unknown again
 };
 
+// When the unit's computer gets hot, fewer instants are worked on, before it throttles by itself.
+struct ThermalSettings {
+  std::string folder = "/sys/class/thermal";  // its zones
+  double warm_c = 80, hot_c = 90;             // degrees Celsius from which a band begins
+  double warm_hz = 15, hot_hz = 5;            // instants a second that are worked on at most
+  double hysteresis_c = 5;                    // so far below its beginning a band is left
+};
+
 struct DemoSettings {
   std::string scene;  // of the simulated wagon; empty: no sensor is simulated
   std::uint64_t seed = 1;
@@ -108,6 +116,7 @@ struct Settings {
   WebSettings web;
   RecordingSettings recording;
   VehicleSettings vehicle;
+  ThermalSettings thermal;
   DemoSettings demo;
 };
 

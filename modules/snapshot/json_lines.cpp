@@ -207,6 +207,18 @@ std::string_view to_text(RecordingState state) {
   return "no disk";
 }
 
+std::string_view to_text(ThermalBand band) {
+  switch (band) {
+    case ThermalBand::kNormal:
+      return "normal";
+    case ThermalBand::kWarm:
+      return "warm";
+    case ThermalBand::kHot:
+      break;
+  }
+  return "hot";
+}
+
 std::string_view to_text(SensorState state) {
   switch (state) {
     case SensorState::kStarting:

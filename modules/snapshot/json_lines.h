@@ -29,6 +29,7 @@ std::string_view to_text(Posture posture);       // "standing", "sitting", "lyin
 std::string_view to_text(EventKind kind);        // "fall", "motionless", ...
 std::string_view to_text(Occupied state);        // "free", "occupied", "unobserved"
 std::string_view to_text(RecordingState state);  // "off", "on", "no disk"
+std::string_view to_text(ThermalBand band);      // "normal", "warm", "hot"
 std::string_view to_text(SensorState state);     // "starting", "learning", "ok", "degraded", "lost"
 
 }  // namespace wagonsight

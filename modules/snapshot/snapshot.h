@@ -188,6 +188,18 @@ struct RecordingStatus {
   FixedString<160> trouble;  // why there is no disk, or why it ended early: a sentence
 };
 
+enum class ThermalBand : std::uint8_t { kNormal, kWarm, kHot };
+
+// How hot the unit's computer is, and what is left out so that it gets no hotter.
+struct ThermalStatus {
+  bool present = false;  // a zone could be read
+  double hottest_c = 0;  // of all zones
+  Name zone;             // which one that is
+  ThermalBand band = ThermalBand::kNormal;
+  double rate_limit_hz = 0;           // instants a second that are worked on at most; 0: all
+  std::uint64_t spared_instants = 0;  // that were left out by it
+};
+
 // All that the web side and the bridge may know. One writer (control), many readers.
 struct Snapshot {
   std::uint64_t sequence = 0;
@@ -211,6 +223,7 @@ struct Snapshot {
   std::uint32_t slots_in_use = 0, slots_high_water = 0, slots_capacity = 0;  // of the FramePool
   std::uint32_t web_restarts = 0;
   RecordingStatus recording;
+  ThermalStatus thermal;
   bool learning = false;  // the background is not known yet
 };
 static_assert(std::is_trivially_copyable_v<Snapshot>, "a Snapshot lives in shared memory");

@@ -141,6 +141,16 @@ Json vehicle(const Snapshot& snapshot, const UnitInfo& unit) {
   return out;
 }
 
+Json thermal(const ThermalStatus& thermal) {
+  if (!thermal.present) return nullptr;
+  return {{"celsius", number(thermal.hottest_c, 1)},
+          {"zone", text(thermal.zone)},
+          {"band", text(to_text(thermal.band))},
+          {"rate_limit_hz",
+           thermal.rate_limit_hz > 0 ? number(thermal.rate_limit_hz, 1) : Json(nullptr)},
+          {"spared_instants", thermal.spared_instants}};
+}
+
 Json pipeline(const Snapshot& snapshot) {
   Json stages = Json::array();
   for (const StageTiming& stage : snapshot.stages)
@@ -165,6 +175,7 @@ Json pipeline(const Snapshot& snapshot) {
   out["web_restarts"] = snapshot.web_restarts;
   out["learning"] = snapshot.learning;
   out["recording"] = recording(snapshot);
+  out["thermal"] = thermal(snapshot.thermal);
   out["stages"] = std::move(stages);
   return out;
 }

@@ -220,6 +220,21 @@ void judge_recording(Assessment& out, const Snapshot& snapshot) {
               "Record to a faster disk, or fewer sensors.");
 }
 
+void judge_temperature(Assessment& out, const Snapshot& snapshot) {
+  const ThermalStatus& thermal = snapshot.thermal;
+  if (!thermal.present) return;
+  if (thermal.band != ThermalBand::kNormal)
+    out.fault(
+        "computer_hot", thermal.zone.view(), Verdict::kDegraded,
+        fmt::format("The computer has {:.0f} degrees Celsius ({}), so at most {:.0f} instants "
+                    "a second are worked on.",
+                    thermal.hottest_c, thermal.zone.view(), thermal.rate_limit_hz),
+        "Clear its air vents and check the wagon's air conditioning; it returns to the full "
+        "rate by itself.");
+  out.check("temperature", thermal.band == ThermalBand::kNormal,
+            fmt::format("{:.0f} degrees Celsius ({})", thermal.hottest_c, thermal.zone.view()));
+}
+
 void judge_calibration(Assessment& out, const Snapshot& snapshot) {
   const CalibrationStatus& calibration = snapshot.calibration;
   if (!calibration.present)
@@ -317,6 +332,7 @@ Health assess(const StatusInput& input, const HealthLimits& limits) {
     judge_sensors(out, *input.snapshot, limits);
     judge_pipeline(out, *input.snapshot, limits);
     judge_recording(out, *input.snapshot);
+    judge_temperature(out, *input.snapshot);
     judge_calibration(out, *input.snapshot);
     judge_unit(out, *input.snapshot, *input.unit);
   }

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "update/updater_call.h"
+
 // What the site needs of a request, and what it says in return: no sockets in here.
 namespace wagonsight {
 
@@ -38,6 +40,9 @@ struct HttpAnswer {
   std::vector<std::pair<std::string, std::string>> headers;
   // What the daemon is asked to do, by one who may.
   std::optional<UnitCommand> command;
+  // What the updater is asked, by one who may; its answer takes this one's place, which says that
+  // there is no updater.
+  std::optional<UpdaterCall> updater;
   bool stream = false;  // the body is the beginning of a stream of server-sent events
 };
 

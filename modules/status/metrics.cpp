@@ -192,6 +192,18 @@ void tell_pipeline(MetricsText& out, const Snapshot& snapshot) {
             static_cast<double>(recording.dropped));
 }
 
+void tell_temperature(MetricsText& out, const ThermalStatus& thermal) {
+  out.counter("framesets_spared_total", "Instants left out because the computer was hot.",
+              thermal.spared_instants);
+  if (!thermal.present) return;
+  out.family("temperature_celsius", "gauge", "Of the computer's hottest zone.");
+  out.sample(thermal.hottest_c, {{"zone", thermal.zone.view()}});
+  out.gauge("thermal_band", "0 normal, 1 warm, 2 hot: fewer instants are worked on.",
+            static_cast<double>(thermal.band));
+  out.gauge("thermal_rate_limit_hertz", "Instants a second that are worked on at most; 0: all.",
+            thermal.rate_limit_hz);
+}
+
 void tell_unit(MetricsText& out, const Snapshot& snapshot) {
   out.gauge("resident_memory_bytes", "Of the daemon.",
             static_cast<double>(snapshot.resident_bytes));
@@ -225,6 +237,7 @@ std::string metrics_text(const StatusInput& input, const Health& health) {
     tell_pipeline(out, *input.snapshot);
     tell_sensors(out, *input.snapshot);
     tell_occupancy(out, *input.snapshot);
+    tell_temperature(out, input.snapshot->thermal);
     tell_unit(out, *input.snapshot);
   }
   return out.take();

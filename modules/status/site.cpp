@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sodium.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <optional>
@@ -56,6 +57,19 @@ HttpAnswer text_answer(std::string_view content_type, std::string body) {
 
 std::string stream_block(std::string_view event, std::string_view data) {
   return fmt::format("event: {}\ndata: {}\n\n", event, data);
+}
+
+// The number behind `key` in a query; false when there is none.
+bool read_number(std::string_view query, std::string_view key, std::uint64_t& number) {
+  while (!query.empty()) {
+    const std::string_view item = query.substr(0, query.find('&'));
+    query.remove_prefix(std::min(item.size() + 1, query.size()));
+    if (!item.starts_with(key)) continue;
+    const char* end = item.data() + item.size();
+    const auto read = std::from_chars(item.data() + key.size(), end, number);
+    return read.ec == std::errc{} && read.ptr == end;
+  }
+  return false;
 }
 
 std::string verbose_checks(const Health& health) {
@@ -165,8 +179,32 @@ struct StatusSite::State {
   HttpAnswer licenses(const HttpRequest&, const StatusInput&) const {
     return text_answer("text/plain; charset=utf-8", std::string(page::kLicenses));
   }
+  // ---- what the updater is asked; the body of a request goes with it
+  static HttpAnswer asked(const UpdaterCall& call) {
+    HttpAnswer answer = error_answer(
+        501, "This unit has no updater: it does not run from a flashed image, or not with one.");
+    answer.updater = call;
+    return answer;
+  }
   HttpAnswer update(const HttpRequest&, const StatusInput&) const {
-    return error_answer(501, "This build cannot update itself yet; flash a new image instead.");
+    return asked({UpdaterWish::kTell, 0, 0});
+  }
+  HttpAnswer take_block(const HttpRequest& request, const StatusInput&) const {
+    UpdaterCall call{UpdaterWish::kBlock, 0, 0};
+    const std::string_view query = request.query();
+    if (!read_number(query, "at=", call.offset))
+      return error_answer(400, "Say where the block belongs: ?at=BYTES&of=BYTES_IN_ALL.");
+    read_number(query, "of=", call.total);
+    return asked(call);
+  }
+  HttpAnswer discard_update(const HttpRequest&, const StatusInput&) const {
+    return asked({UpdaterWish::kDiscard, 0, 0});
+  }
+  HttpAnswer restart(const HttpRequest&, const StatusInput&) const {
+    return asked({UpdaterWish::kRestart, 0, 0});
+  }
+  HttpAnswer factory_reset(const HttpRequest&, const StatusInput&) const {
+    return asked({UpdaterWish::kFactoryReset, 0, 0});
   }
   HttpAnswer gtfs(const HttpRequest&, const StatusInput&) const {
     return error_answer(501,
@@ -200,14 +238,8 @@ struct StatusSite::State {
   HttpAnswer start_recording(const HttpRequest& request, const StatusInput& input) const {
     if (input.unit->recording_minutes_max == 0)
       return error_answer(409, "This unit has no folder for recordings; set recording.folder.");
-    unsigned minutes = 0;
-    const std::string_view wanted = request.query();
-    constexpr std::string_view kKey = "minutes=";
-    const char* end = wanted.data() + wanted.size();
-    const auto read = wanted.starts_with(kKey)
-                          ? std::from_chars(wanted.data() + kKey.size(), end, minutes)
-                          : std::from_chars_result{wanted.data(), std::errc::invalid_argument};
-    if (read.ec != std::errc{} || read.ptr != end || minutes < 1 ||
+    std::uint64_t minutes = 0;
+    if (!read_number(request.query(), "minutes=", minutes) || minutes < 1 ||
         minutes > input.unit->recording_minutes_max)
       return error_answer(400, fmt::format("Say for how long: ?minutes=N, from 1 to {}.",
                                            input.unit->recording_minutes_max));
@@ -264,6 +296,10 @@ std::span<const StatusSite::State::Route> StatusSite::State::routes() {
       Route{"/api/v1/version", Scope::kNone, &S::version},
       Route{"/api/v1/openapi.json", Scope::kNone, &S::openapi},
       Route{"/api/v1/update", Scope::kNone, &S::update},
+      Route{"/api/v1/update", Scope::kAdmin, &S::take_block, false, "POST"},
+      Route{"/api/v1/update", Scope::kAdmin, &S::discard_update, false, "DELETE"},
+      Route{"/api/v1/restart", Scope::kAdmin, &S::restart, false, "POST"},
+      Route{"/api/v1/factory-reset", Scope::kAdmin, &S::factory_reset, false, "POST"},
       Route{"/api/v1/gtfs-rt", Scope::kNone, &S::gtfs},
       Route{"/api/v1/people", Scope::kRead, &S::people, true},
       Route{"/api/v1/events", Scope::kRead, &S::events},

@@ -181,6 +181,8 @@
     put('timing-note', p.stages.length ? `${sum.toFixed(1)} of ${budget.toFixed(0)} ms for an instant` : 'no timings yet');
     figure('cpu', percent(p.cpu_share), 'of one core');
     figure('memory', (p.resident_bytes / 1048576).toFixed(1), 'MB');
+    const heat = p.thermal;
+    figure('heat', heat ? heat.celsius.toFixed(0) : 'not told', heat ? '\u00b0C' + (heat.rate_limit_hz ? `, at most ${heat.rate_limit_hz}/s` : '') : '');
     figure('skipped', String(p.framesets_dropped), `of ${p.framesets + p.framesets_dropped}`);
   }
 

@@ -98,6 +98,15 @@ TEST(Settings, ReportEveryMistakeInTheOrderOfTheLines) {
             "unit.toml:5: pipeline.leef_m: unknown key; did you mean leaf_m?");
 }
 
+TEST(Settings, ThermalBandsRiseAndTheirRatesFall) {
+  const Settings settings = read("[thermal]\nwarm_c = 70\nhot_c = 85\nwarm_hz = 10\nhot_hz = 2\n");
+  EXPECT_EQ(settings.thermal.warm_c, 70);
+  EXPECT_EQ(settings.thermal.hot_hz, 2);
+  EXPECT_EQ(read("").thermal.folder, "/sys/class/thermal");
+  EXPECT_THAT(mistakes_of("[thermal]\nwarm_c = 90\nhot_c = 80\n"), HasSubstr("above warm_c"));
+  EXPECT_THAT(mistakes_of("[thermal]\nhot_hz = 20\n"), HasSubstr("not be above warm_hz"));
+}
+
 TEST(Settings, NeverShowASecret) {
   constexpr std::string_view kText = R"([web.tokens]
 read = "short-secret"

@@ -34,6 +34,21 @@ TEST(Health, TellsWhenAndWhyItCrashed) {
             "The daemon was started again 102 s ago after a crash: a bad memory access (SIGSEGV).");
 }
 
+TEST(Health, TellsWhyFewerInstantsAreWorkedOn) {
+  SampleStatus sample;
+  ThermalStatus& thermal = sample.snapshot->thermal;
+  thermal = {true, 71, "x86_pkg_temp", ThermalBand::kNormal, 0, 0};
+  EXPECT_EQ(assess(sample.input()).verdict, Verdict::kOk);
+  thermal = {true, 84, "x86_pkg_temp", ThermalBand::kWarm, 15, 7};
+  const Health health = assess(sample.input());
+  EXPECT_EQ(health.verdict, Verdict::kDegraded);
+  EXPECT_TRUE(health.ready) << "it works, only slower";
+  EXPECT_THAT(ids(health), ElementsAre("computer_hot x86_pkg_temp"));
+  EXPECT_THAT(health.faults.front().cause, HasSubstr("84 degrees"));
+  EXPECT_THAT(health.faults.front().cause, HasSubstr("15 instants"));
+  expect_sentences(health);
+}
+
 TEST(Health, SaysThatAllIsWell) {
   const SampleStatus sample;
   const Health health = assess(sample.input());

@@ -53,6 +53,16 @@ Scrape scrape(const std::string& text) {
   return out;
 }
 
+TEST(Metrics, TellTheTemperatureAndWhatItCosts) {
+  const SampleStatus sample;
+  sample.snapshot->thermal = {true, 91.5, "cpu", ThermalBand::kHot, 5, 120};
+  const Scrape scraped = scrape(metrics_text(sample.input(), assess(sample.input())));
+  EXPECT_EQ(scraped.samples.at("wagonsight_temperature_celsius{zone=\"cpu\"}"), 91.5);
+  EXPECT_EQ(scraped.samples.at("wagonsight_thermal_band"), 2);
+  EXPECT_EQ(scraped.samples.at("wagonsight_thermal_rate_limit_hertz"), 5);
+  EXPECT_EQ(scraped.samples.at("wagonsight_framesets_spared_total"), 120);
+}
+
 TEST(Metrics, AreWhatPrometheusReads) {
   const SampleStatus sample;
   const Scrape scraped = scrape(metrics_text(sample.input(), assess(sample.input())));

@@ -51,8 +51,11 @@ TEST_F(Site, AnswersEveryRouteOfItsDescription) {
   const json description = json::parse(ask(get("/api/v1/openapi.json")).body);
   ASSERT_GE(description["paths"].size(), 20U);
   for (const auto& [path, methods] : description["paths"].items()) {
-    const HttpAnswer answer = ask(get(path));
-    const bool expected = methods["get"]["responses"].contains(std::to_string(answer.status));
+    HttpRequest request = get(path);
+    const char* method = methods.contains("get") ? "get" : "post";
+    if (!methods.contains("get")) request.method = "POST";
+    const HttpAnswer answer = ask(request);
+    const bool expected = methods[method]["responses"].contains(std::to_string(answer.status));
     EXPECT_TRUE(expected) << path << " answers " << answer.status;
     if (answer.content_type == "application/json") {
       EXPECT_TRUE(json::accept(answer.body)) << path << ": " << answer.body;
@@ -153,6 +156,38 @@ TEST_F(Site, NeedsATokenForPeopleOnceOneIsSet) {
   }
   EXPECT_EQ(ask(get("/api/v1/occupancy"), with_tokens()).status, 200);
   EXPECT_EQ(ask(get("/"), with_tokens()).status, 200);
+}
+
+TEST_F(Site, AsksTheUpdaterOnlyForTheAdmin) {
+  struct Case {
+    const char *method, *path;
+    UpdaterWish wish;
+  };
+  for (const Case& c : {Case{"POST", "/api/v1/update?at=65536&of=900000", UpdaterWish::kBlock},
+                        Case{"DELETE", "/api/v1/update", UpdaterWish::kDiscard},
+                        Case{"POST", "/api/v1/restart", UpdaterWish::kRestart},
+                        Case{"POST", "/api/v1/factory-reset", UpdaterWish::kFactoryReset}}) {
+    HttpRequest request = get(c.path);
+    request.method = c.method;
+    request.authorization = "Bearer read-token-of-the-test";
+    const HttpAnswer refused = ask(request, with_tokens());
+    EXPECT_EQ(refused.status, 403) << c.path;
+    EXPECT_FALSE(refused.updater) << c.path;
+    request.authorization = "Bearer admin-token-of-the-test";
+    const HttpAnswer answer = ask(request, with_tokens());
+    ASSERT_TRUE(answer.updater) << c.path;
+    EXPECT_EQ(answer.updater->wish, c.wish);
+    EXPECT_EQ(answer.status, 501) << "where there is no updater";
+  }
+  HttpRequest block = get("/api/v1/update?at=65536&of=900000");
+  block.method = "POST";
+  EXPECT_FALSE(ask(block).updater) << "without any token nobody may write";
+  block.authorization = "Bearer admin-token-of-the-test";
+  EXPECT_EQ(ask(block, with_tokens()).updater->offset, 65'536U);
+  EXPECT_EQ(ask(block, with_tokens()).updater->total, 900'000U);
+  block.target = "/api/v1/update?at=soon";
+  EXPECT_EQ(ask(block, with_tokens()).status, 400);
+  EXPECT_EQ(ask(get("/api/v1/update")).updater->wish, UpdaterWish::kTell);
 }
 
 TEST_F(Site, TurnsATokenIntoACookieThatScriptsCannotRead) {
