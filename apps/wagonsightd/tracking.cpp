@@ -1,5 +1,7 @@
 #include "tracking.h"
 
+#include <algorithm>
+
 #include "linux/clocks.h"
 #include "linux/resources.h"
 #include "linux/sealed_heap.h"
@@ -20,9 +22,16 @@ std::array<double, kSensorsMax> rates_of(const Rig& rig) {
   return rates;
 }
 
-FrameSetOptions live_options() {
+// A pair of stereo images is on its bus for a fourteenth of a second before it is complete.
+constexpr Duration kStereoLatencyMax = std::chrono::milliseconds(120);
+
+FrameSetOptions live_options(const Rig& rig) {
   FrameSetOptions options;
   options.tick_when_silent = true;
+  const bool has_stereo =
+      std::any_of(rig.sensors.begin(), rig.sensors.end(),
+                  [](const RigSensor& sensor) { return sensor.kind == SensorKind::kStereo; });
+  if (has_stereo) options.latency_max = kStereoLatencyMax;
   return options;
 }
 
@@ -33,7 +42,7 @@ Tracking::Tracking(std::unique_ptr<Pipeline> pipeline, std::unique_ptr<Workers> 
     : workers_(std::move(workers)),
       pipeline_(std::move(pipeline)),
       sensor_count_(rig.sensors.size()),
-      builder_(pool, std::span<const double>(rates_of(rig)), live_options()),
+      builder_(pool, std::span<const double>(rates_of(rig)), live_options(rig)),
       bell_(bell),
       daemon_start_(daemon_start),
       now_(std::make_unique<TrackingReport>()),

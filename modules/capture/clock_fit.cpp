@@ -93,7 +93,7 @@ void ClockFit::fit() {
     hull.push_back(p);
   }
   const double span = points_.back().x - points_[0].x;
-  if (span < kBaseline_s) {
+  if (span < options_.baseline_s) {
     const auto least =
         std::min_element(points_.begin(), points_.end(),
                          [](const Point& a, const Point& b) { return a.residual < b.residual; });

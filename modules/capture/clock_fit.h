@@ -14,6 +14,9 @@ struct ClockFitOptions {
   // Calibrated per kind of device.
   Duration latency_min{};
   double drift_ppm_max = 500;  // a quartz that is worse is broken
+  // Until there are points of so many seconds the drift counts as zero: the later the arrivals may
+  // be, the longer.
+  double baseline_s = 10.0;
 };
 
 // When was the light taken? Fits a device's clock to the host's.
@@ -28,7 +31,7 @@ struct ClockFitOptions {
 // which minimises the sum of all lateness under late >= 0 (Moon, Skelly and Towsley, INFOCOM 1999;
 // by convex hull: Zhang, Liu and Xia, INFOCOM 2002). In fixed memory: the least late point of each
 // two seconds is kept, of the last two minutes, so a drift that follows the temperature is
-// followed. Until there are points of ten seconds the drift counts as zero.
+// followed. Until there are points of `baseline_s` the drift counts as zero.
 //
 // A frame that is earlier than the line moves the line at once, so an instant never lies after its
 // arrival. Ticks that run backwards, or times that no drift explains (0.1 s early, or every frame
@@ -59,7 +62,6 @@ class ClockFit {
   };
   static constexpr std::size_t kPointsMax = 60;
   static constexpr double kBin_s = 2.0;
-  static constexpr double kBaseline_s = 10.0;
 
   void restart(std::uint64_t ticks, HostTime arrival);
   double device_seconds(std::uint64_t ticks) const;

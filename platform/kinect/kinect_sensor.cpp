@@ -4,6 +4,7 @@
 #include <cmath>
 #include <thread>
 
+#include "capture/recovery.h"
 #include "kinect/depth_assembly.h"
 #include "kinect/kinect_device.h"
 #include "kinect/usb_places.h"
@@ -16,12 +17,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr Duration kSilentAfter = milliseconds(500);  // 15 frames
-constexpr Duration kFirstFrameWithin = seconds(2);
-constexpr Duration kHealthyAfter = seconds(5);      // ends the ladder
-constexpr Duration kLookAgain = milliseconds(500);  // for a device that is not there
-constexpr Duration kPauseFirst = milliseconds(100);
-constexpr Duration kPauseMax = seconds(30);
 constexpr Duration kAfterReset = milliseconds(300);  // until it can be opened again
 // A device that stays away although it was there: its port may hang.
 constexpr Duration kAwayMax = seconds(10);
@@ -29,8 +24,6 @@ constexpr double kFramesPerSecond = 30.0;
 constexpr double kDriftMax_ppm = 500;
 
 constexpr auto kSilent = "the Kinect sends nothing; it is being brought back";
-
-enum class Phase { kClosed, kStarting, kStreaming };
 
 }  // namespace
 
@@ -48,20 +41,14 @@ struct KinectSensor::State final : KinectListener {
   void try_to_open();
   void climb();
   void wake_port();
-  void note_failure();
   void end_stream(const char* why);
   void stream(HostTime until);
   void count_lost_frames(std::uint64_t ticks, HostTime arrival);
   void push(std::uint64_t ticks, HostTime arrival, HostTime instant, bool is_whole);
 
   KinectOptions options;
-  Phase phase = Phase::kClosed;
-  HostTime next_attempt{};
-  HostTime opened{};      // or tried to
-  HostTime last_frame{};  // whole or damaged
-  HostTime last_seen{};   // plugged in
-  int attempts = 0;       // that failed since it was healthy
-  Duration pause = kPauseFirst;
+  Recovery recovery;
+  HostTime last_seen{};  // plugged in
   const char* trouble = nullptr;
   Counters counters;
   Ladder ladder;
@@ -105,10 +92,10 @@ bool KinectSensor::poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot*>&
   s.pool = &pool;
   s.frames = &frames;
   const HostTime now = host_now();
-  if (s.phase != Phase::kClosed) {
+  if (!s.recovery.is_closed()) {
     s.stream(now + timeout);
-  } else if (now < s.next_attempt) {
-    std::this_thread::sleep_for(std::min(timeout, s.next_attempt - now));
+  } else if (now < s.recovery.next_attempt()) {
+    std::this_thread::sleep_for(std::min(timeout, s.recovery.next_attempt() - now));
   } else {
     const HeapExemption exempt;
     s.try_to_open();
@@ -117,29 +104,29 @@ bool KinectSensor::poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot*>&
 }
 
 void KinectSensor::State::try_to_open() {
-  if (attempts > 0) climb();
+  if (recovery.failures() > 0) climb();
   trouble = device.open(options.device);
-  opened = last_frame = host_now();
+  const HostTime now = host_now();
   if (trouble == nullptr) {
     trouble = device.remark();
-    phase = Phase::kStarting;
+    recovery.opened(now);
     // Its clock may have begun anew.
     unwrapper = TickUnwrapper(32);
     clock = ClockFit({kKinectTicksPerSecond, options.light_to_arrival, kDriftMax_ppm});
     has_ticks = false;
   } else if (device.is_plugged()) {
-    note_failure();
+    recovery.failed(now);
   } else {
-    next_attempt = opened + kLookAgain;
-    if (opened - last_seen > kAwayMax && !device.place().empty()) wake_port();
+    recovery.not_there(now);
+    if (now - last_seen > kAwayMax && !device.place().empty()) wake_port();
   }
-  if (device.is_plugged()) last_seen = opened;
+  if (device.is_plugged()) last_seen = now;
 }
 
 // Before the next attempt to open a device that is there: first a reset, then, every other time,
 // its port's power.
 void KinectSensor::State::climb() {
-  if (attempts % 2 == 0 && cycle_port_power(device.place())) {
+  if (recovery.failures() % 2 == 0 && cycle_port_power(device.place())) {
     ++ladder.power_cycles;
   } else if (device.reset(options.device)) {
     ++ladder.bus_resets;
@@ -154,21 +141,13 @@ void KinectSensor::State::wake_port() {
   last_seen = host_now();
 }
 
-void KinectSensor::State::note_failure() {
-  ++attempts;
-  next_attempt = host_now() + pause;
-  pause = std::min(2 * pause, kPauseMax);
-}
-
 void KinectSensor::State::end_stream(const char* why) {
   {
     const HeapExemption exempt;
     device.close();
   }
-  phase = Phase::kClosed;
   trouble = why;
   ++counters.resets;
-  next_attempt = host_now();
 }
 
 void KinectSensor::State::stream(HostTime until) {
@@ -180,23 +159,18 @@ void KinectSensor::State::stream(HostTime until) {
     ended = device.process(until - now);
     now = host_now();
   }
-  if (ended != nullptr) return end_stream(ended);
-  const bool is_healthy = phase == Phase::kStreaming && now - opened > kHealthyAfter;
-  if (now - last_frame > (phase == Phase::kStarting ? kFirstFrameWithin : kSilentAfter)) {
+  if (ended != nullptr) {
+    end_stream(ended);
+    recovery.ended(host_now());
+  } else if (recovery.is_silent(now)) {
     end_stream(kSilent);
-    if (!is_healthy) note_failure();
-  } else if (is_healthy && attempts > 0) {
-    attempts = 0;
-    pause = kPauseFirst;
   }
 }
 
 void KinectSensor::State::frame_end(std::uint32_t raw_ticks) {
   const HostTime arrival = host_now();
-  last_frame = arrival;
   has_news = true;
-  if (phase == Phase::kStarting) {
-    phase = Phase::kStreaming;
+  if (recovery.frame(arrival)) {
     trouble = device.remark();
     ++ladder.reopened;
   }
@@ -216,8 +190,8 @@ void KinectSensor::State::count_lost_frames(std::uint64_t ticks, HostTime arriva
   if (!has_ticks || ticks <= last_ticks) return;
   const double frames_passed =
       static_cast<double>(ticks - last_ticks) / kKinectTicksPerSecond * kFramesPerSecond;
-  const double frames_possible =
-      to_seconds(arrival - opened) * kFramesPerSecond + 1;  // a clock that jumped tells nothing
+  const double frames_possible = to_seconds(arrival - recovery.opened_at()) * kFramesPerSecond +
+                                 1;  // a clock that jumped tells nothing
   const auto lost = std::lround(frames_passed) - 1;
   if (lost > 0 && frames_passed < frames_possible)
     counters.damaged += static_cast<std::uint64_t>(lost);

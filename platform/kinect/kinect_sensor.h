@@ -19,12 +19,7 @@ struct KinectOptions {
 // A Kinect for Xbox 360: libfreenect over libusb, depth only, in millimetres by the camera's own
 // optics, at 30 Hz.
 //
-//                       no such device: look again in half a second
-//                     .-----.
-//                     v     |            streams
-//     kClosed ---- open ----+-----> kStarting --- first frame ---> kStreaming
-//        ^                              |                              |
-//        '---- close, climb the ladder, wait ---- silent or unplugged -'
+// Opened, watched and brought back as capture/recovery.h draws it.
 //
 // The ladder: reopen; reset the device on the bus; cut the power of its port. Each attempt that
 // does not bring frames waits twice as long, up to half a minute. Five seconds of frames end it.

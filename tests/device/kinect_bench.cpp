@@ -1,12 +1,7 @@
 #include "kinect_bench.h"
 
-#include <algorithm>
-#include <set>
-
 namespace wagonsight::device {
 namespace {
-
-constexpr Nanoseconds kLook = 5'000'000;  // how often frames are taken
 
 std::string serial_of(std::size_t unit) {
   return "A0033333333" + std::to_string(unit) + "A";
@@ -15,9 +10,8 @@ std::string serial_of(std::size_t unit) {
 }  // namespace
 
 KinectBench::KinectBench(std::size_t count, const Change& change, Picture picture)
-    : picture_(std::move(picture)),
-      pool_(4 * count + 4, static_cast<std::size_t>(KinectUnit::kPixels) * 2),
-      logs_(count),
+    : DeviceBench(4 * count + 4, static_cast<std::size_t>(KinectUnit::kPixels) * 2),
+      picture_(std::move(picture)),
       raw_(KinectUnit::kPixels),
       tables_(count, std::vector<std::uint16_t>(2048)) {
   if (!picture_)
@@ -42,63 +36,17 @@ KinectBench::KinectBench(std::size_t count, const Change& change, Picture pictur
   for (std::size_t i = 0; i < count; ++i) {
     sensors_.push_back(std::make_unique<KinectSensor>(
         KinectOptions{"k" + std::to_string(i), serial_of(i), static_cast<std::uint8_t>(i), {}}));
-    threads_.push_back(std::make_unique<SensorThread>(*sensors_[i], pool_));
+    drive(*sensors_[i]);
   }
 }
 
 KinectBench::~KinectBench() {
-  for (auto& thread : threads_) thread->stop();
-  taker_ = {};
-  take_frames();
+  stop();
   sensors_.clear();
-  VirtualTime::instance().forget_script();
   UsbBuses::instance().unplug_everything();
 }
 
-void KinectBench::run(double seconds) {
-  VirtualTime& time = VirtualTime::instance();
-  const Nanoseconds end = time.now() + from_seconds(seconds).count();
-  while (time.now() < end) {
-    time.sleep_until(std::min(end, time.now() + kLook));
-    take_frames();
-  }
-}
-
-double KinectBench::run_until_frame(std::size_t unit, double seconds_max) {
-  VirtualTime& time = VirtualTime::instance();
-  const Nanoseconds begin = time.now();
-  const std::size_t before = logs_[unit].good.size();
-  while (static_cast<double>(time.now() - begin) < seconds_max * 1e9) {
-    run(0.005);
-    if (logs_[unit].good.size() > before) return static_cast<double>(time.now() - begin) * 1e-9;
-  }
-  return -1;
-}
-
-void KinectBench::script(double in_seconds, std::function<void()> deed) {
-  VirtualTime& time = VirtualTime::instance();
-  const std::lock_guard hold(time.mutex());
-  time.at(time.now() + from_seconds(in_seconds).count(), std::move(deed));
-}
-
-void KinectBench::take_frames() {
-  for (std::size_t i = 0; i < threads_.size(); ++i) {
-    while (FrameSlot* slot = threads_[i]->take()) {
-      check(i, *slot);
-      if (taker_)
-        taker_(slot);
-      else
-        pool_.release(slot);
-    }
-  }
-}
-
-void KinectBench::check(std::size_t unit, const FrameSlot& slot) {
-  Log& log = logs_[unit];
-  if (slot.damaged) {
-    ++log.damaged;
-    return;
-  }
+void KinectBench::check(std::size_t unit, const FrameSlot& slot, Log& log) {
   const std::uint32_t number = units_[unit]->frame_of_ticks(slot.device_ticks);
   log.good.push_back({number, slot.instant, slot.arrival});
   {
@@ -111,21 +59,11 @@ void KinectBench::check(std::size_t unit, const FrameSlot& slot) {
     log.wrong_pixels += depth.pixels[i] == table[raw_[i]] ? 0U : 1U;
 }
 
-KinectBench::Balance KinectBench::balance(std::size_t unit) const {
-  const std::lock_guard hold(VirtualTime::instance().mutex());
-  Balance balance;
-  std::set<std::uint32_t> delivered;
-  for (const Delivery& delivery : logs_[unit].good)
-    balance.repeated += delivered.insert(delivery.number).second ? 0U : 1U;
-  if (delivered.empty()) return balance;
-  for (const KinectUnit::Sent& sent : units_[unit]->sent()) {
-    const bool came = delivered.count(sent.number) != 0;
-    balance.delivered_damaged += came && !sent.whole ? 1U : 0U;
-    if (sent.number < *delivered.begin() || sent.number > *delivered.rbegin()) continue;
-    balance.whole += sent.whole ? 1U : 0U;
-    balance.missing += sent.whole && !came ? 1U : 0U;
-  }
-  return balance;
+std::vector<DeviceBench::SentFrame> KinectBench::sent_frames(std::size_t unit) const {
+  std::vector<SentFrame> sent;
+  for (const KinectUnit::Sent& frame : units_[unit]->sent())
+    sent.push_back({frame.number, frame.whole});
+  return sent;
 }
 
 }  // namespace wagonsight::device
