@@ -77,13 +77,9 @@ class RayThresholds {
   std::uint16_t near_of(std::size_t pixel) const {
     return near_.empty() ? near_all_ : near_[pixel];
   }
-  static std::uint16_t far_of(const SensorView& view, std::size_t pixel) {
-    const RawInterval inside = view.inside(pixel);
-    return inside.first <= inside.last ? inside.last : std::uint16_t{0};
-  }
   bool is_outside(const SensorView& view, std::size_t pixel, std::uint16_t raw) const {
     if (raw == 0 || raw < near_of(pixel) || raw > far_most_[pixel / 64]) return true;
-    return raw > far_least_[pixel / 64] && raw > far_of(view, pixel);
+    return raw > far_least_[pixel / 64] && !view.is_inside(pixel, raw);
   }
   RawInterval second(std::size_t pixel) const { return {second_near_[pixel], second_far_[pixel]}; }
   Reading classify_crowded(const SensorView& view, const BitOctree& background, std::size_t pixel,

@@ -153,25 +153,38 @@ std::optional<SensorView::Pixel> SensorView::project(const Eigen::Vector3f& p_W)
   return Pixel{static_cast<int>(u), static_cast<int>(v), position->z};
 }
 
-RawInterval SensorView::inside(std::size_t pixel) const {
-  if (!has_ray(pixel)) return {};
+SensorView::Span SensorView::span_inside(std::size_t pixel) const {
+  constexpr Span kNowhere{1, 0};
+  if (!has_ray(pixel)) return kNowhere;
   const Eigen::Vector3f ray = ray_W(pixel);
-  float enter = 0, leave = depth_.z(depth_.raw_far());
+  Span span{0, depth_.z(depth_.raw_far())};
   for (int axis = 0; axis < 3; ++axis) {
     float a = (inside_min_[axis] - origin_W_[axis]) / ray[axis];
     float b = (inside_max_[axis] - origin_W_[axis]) / ray[axis];
     if (std::abs(ray[axis]) < 1e-9F) {
-      if (origin_W_[axis] < inside_min_[axis] || origin_W_[axis] > inside_max_[axis]) return {};
+      if (origin_W_[axis] < inside_min_[axis] || origin_W_[axis] > inside_max_[axis])
+        return kNowhere;
       continue;
     }
     if (a > b) std::swap(a, b);
-    enter = std::max(enter, a);
-    leave = std::min(leave, b);
+    span = {std::max(span.enter, a), std::min(span.leave, b)};
   }
-  if (leave < enter) return {};
-  const int last = static_cast<int>(depth_.raw_at(leave)) - 1;
-  return {std::max(depth_.raw_near(), depth_.raw_at(enter)),
+  return span;
+}
+
+RawInterval SensorView::inside(std::size_t pixel) const {
+  const Span span = span_inside(pixel);
+  if (span.leave < span.enter) return {};
+  const int last = static_cast<int>(depth_.raw_at(span.leave)) - 1;
+  return {std::max(depth_.raw_near(), depth_.raw_at(span.enter)),
           static_cast<std::uint16_t>(std::clamp(last, 0, static_cast<int>(depth_.raw_far())))};
+}
+
+bool SensorView::is_inside(std::size_t pixel, std::uint16_t raw) const {
+  if (raw < depth_.raw_near() || raw > depth_.raw_far()) return false;
+  const Span span = span_inside(pixel);
+  const float z = depth_.z(raw);
+  return span.leave >= span.enter && z >= span.enter && z < span.leave;
 }
 
 bool SensorView::masked(const Eigen::Vector3f& p_W) const {

@@ -107,6 +107,8 @@ class SensorView {
 
   // The readings of a pixel that lie inside the wagon and the trim.
   RawInterval inside(std::size_t pixel) const;
+  // Whether a reading (up to raw_far()) is one of them, without looking for where they begin.
+  bool is_inside(std::size_t pixel, std::uint16_t raw) const;
   bool has_masks() const { return !masks_.empty(); }
   // Of 64 pixels those whose ray comes to a mask volume; no reading of others is masked.
   std::uint64_t maskable(std::size_t word) const { return maskable_[word]; }
@@ -115,6 +117,13 @@ class SensorView {
   float pixel_area() const { return pixel_area_; }
 
  private:
+  struct Span {
+    float enter, leave;
+  };
+  // Where a pixel's ray is inside the wagon, along the optical axis, up to the farthest reading;
+  // leave < enter: nowhere.
+  Span span_inside(std::size_t pixel) const;
+
   int width_, height_;
   RayTable rays_;
   DepthModel depth_;

@@ -20,6 +20,12 @@ std::uint32_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) {
   return h & (kTableSize - 1);
 }
 
+// std::floor() of what fits an integer, which is a call without SSE 4.1.
+std::int32_t floor_to_int(float value) {
+  const auto whole = static_cast<std::int32_t>(value);
+  return whole - (static_cast<float>(whole) > value ? 1 : 0);
+}
+
 // The hint whose circle holds the place; the nearest when several do.
 const MotionHint* hint_at(std::span<const MotionHint> hints, float x, float y) {
   const MotionHint* best = nullptr;
@@ -154,9 +160,9 @@ void Fusion::add_view(std::size_t sensor_index, const ForegroundView& view,
 
 std::uint32_t Fusion::point_at(float x, float y, float z, bool& is_new) {
   static_assert(kFusedPointsMax <= std::size_t{UINT16_MAX} + 1);
-  const auto vx = static_cast<std::int32_t>(std::floor(x * voxels_per_metre_));
-  const auto vy = static_cast<std::int32_t>(std::floor(y * voxels_per_metre_));
-  const auto vz = static_cast<std::int32_t>(std::floor(z * voxels_per_metre_));
+  const std::int32_t vx = floor_to_int(x * voxels_per_metre_);
+  const std::int32_t vy = floor_to_int(y * voxels_per_metre_);
+  const std::int32_t vz = floor_to_int(z * voxels_per_metre_);
   const auto low_x = static_cast<std::int16_t>(vx), low_y = static_cast<std::int16_t>(vy),
              low_z = static_cast<std::int16_t>(vz);
   for (std::uint32_t slot = hash_of(vx, vy, vz);; slot = (slot + 1) & (kTableSize - 1)) {

@@ -16,7 +16,13 @@ constexpr double kVarianceFactor = 4.0;
 // aperture's gain, and a mount trembles by a fraction of a pixel.
 constexpr double kTextureShare = 0.05;
 constexpr double kMeanShare = 0.2;
-constexpr std::size_t kRegionsMax = 64;
+// The matcher's run-up around a region, its window and its census.
+constexpr double kAroundRegion_px = 12;
+// Whole images are matched again by strips of so many rows of tiles, in a part of the time that
+// there is; so what was matched in the rest of it is left out and nothing waits for longer.
+constexpr int kStripTiles = 4;
+constexpr double kStripsTime = 0.8;
+constexpr int kFeedbackShare = 8;  // one in so many tiles at a time
 
 std::uint16_t sample_of(const GrayImage& image, int x, int y) {
   // A last odd column or row counts twice.
@@ -32,14 +38,6 @@ std::uint16_t sample_of(const GrayImage& image, int x, int y) {
   return static_cast<std::uint16_t>(std::min((sum + 2) / 4, 16383U));
 }
 
-bool touch(const PixelRect& a, const PixelRect& b) {
-  return a.x0 <= b.x1 && b.x0 <= a.x1 && a.y0 <= b.y1 && b.y0 <= a.y1;
-}
-
-std::int64_t area(const PixelRect& r) {
-  return static_cast<std::int64_t>(r.x1 - r.x0) * (r.y1 - r.y0);
-}
-
 }  // namespace
 
 ChangeGate::ChangeGate(int width, int height, const ChangeGateOptions& options)
@@ -49,7 +47,8 @@ ChangeGate::ChangeGate(int width, int height, const ChangeGateOptions& options)
       columns_((width + kTile - 1) / kTile),
       rows_((height + kTile - 1) / kTile),
       sample_columns_(columns_ * kTileSamples),
-      sample_rows_(rows_ * kTileSamples) {
+      sample_rows_(rows_ * kTileSamples),
+      cover_(columns_, rows_, kAroundRegion_px / kTile) {
   WS_CHECK(width > 0 && height > 0, "%d x %d", width, height);
   const std::size_t tile_count =
       static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
@@ -58,13 +57,14 @@ ChangeGate::ChangeGate(int width, int height, const ChangeGateOptions& options)
   marked_ = AlignedArray<std::uint8_t>(tile_count);
   tiles_ = BoundedVector<Tile>(tile_count);
   ratios_ = BoundedVector<double>(tile_count);
-  pending_ = BoundedVector<std::uint32_t>(tile_count);
-  regions_ = BoundedVector<PixelRect>(kRegionsMax);
+  matched_ = BoundedVector<HostTime>(tile_count);
+  matched_.resize(tile_count);
+  regions_ = BoundedVector<PixelRect>(TileRegions::kRegionsMax);
 }
 
 std::span<const PixelRect> ChangeGate::regions(const GrayImage& left, bool whole,
                                                std::span<const PixelRect> feedback,
-                                               RectifyTable table) {
+                                               RectifyTable table, HostTime instant) {
   WS_CHECK(left.width == width_ && left.height == height_, "%d x %d, made for %d x %d", left.width,
            left.height, width_, height_);
   if (table.empty())
@@ -74,22 +74,18 @@ std::span<const PixelRect> ChangeGate::regions(const GrayImage& left, bool whole
   else
     take_samples_by_table<std::uint16_t>(left, table, 1);
   std::fill_n(marked_.data(), marked_.size(), std::uint8_t{0});
-  if (has_reference_) mark_changes();
+  if (!has_reference_ && options_.whole_every_s > 0)
+    strip_ = instant - from_seconds(std::fmod(options_.whole_phase_s, strip_every_s()));
   regions_.clear();
-  const PixelRect all{0, 0, width_, height_};
+  if (has_reference_) mark_changes();
   if (whole || !has_reference_) {
-    (void)regions_.try_push_back(all);  // there is room: it was cleared
+    (void)regions_.try_push_back({0, 0, width_, height_});  // there is room: it was cleared
   } else {
-    for (const PixelRect& rect : feedback) mark(rect);
+    mark_feedback(feedback, instant);
+    mark_strips(instant);
     collect_regions();
-    std::int64_t wanted = 0;
-    for (const PixelRect& region : regions_) wanted += area(region);
-    if (static_cast<double>(wanted) > options_.whole_share * static_cast<double>(area(all))) {
-      regions_.clear();
-      (void)regions_.try_push_back(all);
-    }
   }
-  for (const PixelRect& region : regions_) keep_reference(region);
+  for (const PixelRect& region : regions_) keep(region, instant);
   has_reference_ = true;
   return regions_.span();
 }
@@ -216,74 +212,81 @@ void ChangeGate::mark_changes() {
     for (int column = 0; column < columns_; ++column) {
       if (!differs(tiles_[tile_index(column, row)], gain, noise)) continue;
       ++changed;
-      mark({column * kTile, row * kTile, (column + 1) * kTile, (row + 1) * kTile});
+      mark(tiles_of({column * kTile, row * kTile, (column + 1) * kTile, (row + 1) * kTile}));
     }
   changed_share_ = static_cast<double>(changed) / static_cast<double>(tiles_.size());
 }
 
-void ChangeGate::mark(const PixelRect& rect) {
-  if (rect.empty()) return;
+// With the margin; empty where the rectangle is, or lies outside.
+PixelRect ChangeGate::tiles_of(const PixelRect& rect) const {
+  if (rect.empty()) return {};
   const int margin = options_.margin_px;
-  const int first_column = std::max(rect.x0 - margin, 0) / kTile;
-  const int first_row = std::max(rect.y0 - margin, 0) / kTile;
-  const int last_column = std::min((rect.x1 - 1 + margin) / kTile, columns_ - 1);
-  const int last_row = std::min((rect.y1 - 1 + margin) / kTile, rows_ - 1);
-  for (int row = first_row; row <= last_row; ++row)
-    for (int column = first_column; column <= last_column; ++column)
-      marked_[tile_index(column, row)] = 1;
+  return {std::max(rect.x0 - margin, 0) / kTile, std::max(rect.y0 - margin, 0) / kTile,
+          std::min((rect.x1 - 1 + margin) / kTile + 1, columns_),
+          std::min((rect.y1 - 1 + margin) / kTile + 1, rows_)};
 }
 
-// Boxes around the connected groups of marked tiles; boxes that touch become one.
-void ChangeGate::collect_regions() {
-  for (int row = 0; row < rows_; ++row)
-    for (int column = 0; column < columns_; ++column) {
-      if (marked_[tile_index(column, row)] != 1) continue;
-      PixelRect box{column, row, column + 1, row + 1};  // in tiles
-      pending_.clear();
-      const auto visit = [&](int c, int r) {
-        if (c < 0 || c >= columns_ || r < 0 || r >= rows_) return;
-        const std::size_t at = tile_index(c, r);
-        if (marked_[at] != 1) return;
-        marked_[at] = 2;
-        (void)pending_.try_push_back(static_cast<std::uint32_t>(at));  // each tile once
-      };
-      visit(column, row);
-      while (!pending_.empty()) {
-        const auto at = static_cast<int>(pending_[pending_.size() - 1]);
-        pending_.resize(pending_.size() - 1);
-        const int c = at % columns_, r = at / columns_;
-        box = {std::min(box.x0, c), std::min(box.y0, r), std::max(box.x1, c + 1),
-               std::max(box.y1, r + 1)};
-        visit(c - 1, r), visit(c + 1, r), visit(c, r - 1), visit(c, r + 1);
-      }
-      const PixelRect pixels{box.x0 * kTile, box.y0 * kTile, std::min(box.x1 * kTile, width_),
-                             std::min(box.y1 * kTile, height_)};
-      if (!regions_.try_push_back(pixels)) {  // more than 64 pieces: the whole image, then
-        regions_.clear();
-        (void)regions_.try_push_back({0, 0, width_, height_});
-        return;
-      }
+void ChangeGate::mark(const PixelRect& tiles) {
+  for (int row = tiles.y0; row < tiles.y1; ++row)
+    for (int column = tiles.x0; column < tiles.x1; ++column) marked_[tile_index(column, row)] = 1;
+}
+
+// Marks those that were matched before; returns how many were not marked yet.
+int ChangeGate::mark_older(const PixelRect& tiles, HostTime than) {
+  int count = 0;
+  for (int row = tiles.y0; row < tiles.y1; ++row)
+    for (int column = tiles.x0; column < tiles.x1; ++column) {
+      const std::size_t tile = tile_index(column, row);
+      if (marked_[tile] != 0 || matched_[tile] > than) continue;
+      marked_[tile] = 1;
+      ++count;
     }
-  while (merge_touching()) {
+  return count;
+}
+
+// Who moves is matched anyway; of the others some at a time, whose turn then is over for a while.
+void ChangeGate::mark_feedback(std::span<const PixelRect> feedback, HostTime instant) {
+  int room = std::max(columns_ * rows_ / kFeedbackShare, 1);
+  for (const PixelRect& rect : feedback) {
+    if (room <= 0 && options_.feedback_every_s > 0) return;
+    room -= mark_older(tiles_of(rect), instant - from_seconds(options_.feedback_every_s));
   }
 }
 
-bool ChangeGate::merge_touching() {
-  for (std::size_t a = 0; a < regions_.size(); ++a)
-    for (std::size_t b = a + 1; b < regions_.size(); ++b) {
-      PixelRect& first = regions_[a];
-      const PixelRect& second = regions_[b];
-      if (!touch(first, second)) continue;
-      first = {std::min(first.x0, second.x0), std::min(first.y0, second.y0),
-               std::max(first.x1, second.x1), std::max(first.y1, second.y1)};
-      regions_[b] = regions_[regions_.size() - 1];
-      regions_.resize(regions_.size() - 1);
-      return true;
-    }
-  return false;
+int ChangeGate::strips() const {
+  return (rows_ + kStripTiles - 1) / kStripTiles;
 }
 
-void ChangeGate::keep_reference(const PixelRect& rect) {
+double ChangeGate::strip_every_s() const {
+  return kStripsTime * options_.whole_every_s / strips();
+}
+
+// What is due of the slow rhythm.
+void ChangeGate::mark_strips(HostTime instant) {
+  if (options_.whole_every_s <= 0) return;
+  const Duration turn = from_seconds(strip_every_s());
+  for (int due = 0; due < strips() && instant - strip_ >= turn; ++due) {
+    strip_ += turn;
+    const int first = next_strip_ * kStripTiles;
+    next_strip_ = (next_strip_ + 1) % strips();
+    (void)mark_older({0, first, columns_, std::min(first + kStripTiles, rows_)},
+                     instant - from_seconds((1 - kStripsTime) * options_.whole_every_s));
+  }
+  if (instant - strip_ >= turn) strip_ = instant;  // after a gap all of it was due
+}
+
+void ChangeGate::collect_regions() {
+  for (const PixelRect& tiles : cover_.cover({marked_.data(), marked_.size()}))
+    (void)regions_.try_push_back({tiles.x0 * kTile, tiles.y0 * kTile,  // has room for as many
+                                  std::min(tiles.x1 * kTile, width_),
+                                  std::min(tiles.y1 * kTile, height_)});
+  if (cover_.cost() <= options_.whole_share * cover_.cost_of_all()) return;
+  regions_.clear();
+  (void)regions_.try_push_back({0, 0, width_, height_});
+}
+
+// As matched now, with what it looks like.
+void ChangeGate::keep(const PixelRect& rect, HostTime instant) {
   // Regions are made of whole tiles, or end with the image.
   const int x0 = rect.x0 / 2, x1 = rect.x1 == width_ ? sample_columns_ : rect.x1 / 2;
   const int y0 = rect.y0 / 2, y1 = rect.y1 == height_ ? sample_rows_ : rect.y1 / 2;
@@ -292,6 +295,9 @@ void ChangeGate::keep_reference(const PixelRect& rect) {
                            static_cast<std::size_t>(x0);
     std::copy_n(samples_.data() + at, x1 - x0, reference_.data() + at);
   }
+  for (int row = rect.y0 / kTile; row * kTile < rect.y1; ++row)
+    for (int column = rect.x0 / kTile; column * kTile < rect.x1; ++column)
+      matched_[tile_index(column, row)] = instant;
 }
 
 }  // namespace wagonsight

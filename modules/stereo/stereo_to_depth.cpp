@@ -15,6 +15,14 @@ GrayImage raw_image(const FrameSlot& slot, int index) {
           slot.width, slot.height};
 }
 
+ChangeGateOptions gate_options(const StereoToDepthOptions& options) {
+  ChangeGateOptions gate = options.gate;
+  gate.whole_every_s = options.whole_every_s;
+  gate.whole_phase_s = options.whole_phase_s;
+  gate.feedback_every_s = options.feedback_every_s;
+  return gate;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<StereoWorkspace>> StereoWorkspace::create(int width, int height,
@@ -33,7 +41,7 @@ StereoWorkspace::StereoWorkspace(StereoMatcher the_matcher)
 StereoToDepth::StereoToDepth(StereoRectification rectification, const StereoToDepthOptions& options)
     : rectification_(std::move(rectification)),
       options_(options),
-      gate_(rectification_.camera.width, rectification_.camera.height, options.gate),
+      gate_(rectification_.camera.width, rectification_.camera.height, gate_options(options)),
       table_(rectification_.camera.fx, rectification_.baseline, options.far_m),
       alignment_(rectification_.camera.width, rectification_.camera.height,
                  {.disparity_min = options.matcher.disparity_min,
@@ -69,10 +77,6 @@ void StereoToDepth::judge_exposure(const FrameSlot& slot) {
                     static_cast<float>(decision.next.gain_db)};
 }
 
-bool StereoToDepth::wants_whole(HostTime instant) const {
-  return !has_matched_whole_ || to_seconds(instant - matched_whole_) >= options_.whole_every_s;
-}
-
 void StereoToDepth::match(const FrameSlot& slot, std::span<const PixelRect> regions) {
   const int width = slot.width, height = slot.height;
   StereoMatcher& matcher = workspace_->matcher;
@@ -87,11 +91,6 @@ void StereoToDepth::match(const FrameSlot& slot, std::span<const PixelRect> regi
   const ImageView<std::uint16_t> depth{depth_.data(), width, height};
   for (const PixelRect& region : regions)
     table_.convert({disparity.pixels, width, height}, depth, region);
-  const bool is_whole = regions.size() == 1 && regions[0] == PixelRect{0, 0, width, height};
-  if (!is_whole) return;
-  matched_whole_ = slot.instant;
-  if (!has_matched_whole_) matched_whole_ -= from_seconds(options_.whole_phase_s);
-  has_matched_whole_ = true;
 }
 
 DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
@@ -110,11 +109,8 @@ DepthImage StereoToDepth::convert(const FrameSlot& slot, bool whole,
   report_.matched_share = 0;
   if (!report_.usable) return {};  // the gate's reference stays what it was
   // What does not change keeps its depth; it is looked at again at a rhythm.
-  const bool feeds_back = to_seconds(slot.instant - fed_back_) >= options_.feedback_every_s;
-  if (feeds_back) fed_back_ = slot.instant;
   const auto regions =
-      gate_.regions(raw_image(slot, 0), whole || wants_whole(slot.instant),
-                    feeds_back ? feedback : std::span<const PixelRect>{}, rectification_.left);
+      gate_.regions(raw_image(slot, 0), whole, feedback, rectification_.left, slot.instant);
   std::int64_t matched = 0;
   for (const PixelRect& r : regions)
     matched += static_cast<std::int64_t>(r.x1 - r.x0) * (r.y1 - r.y0);
@@ -130,8 +126,10 @@ void StereoToDepth::check_alignment(const FrameSlot& slot) {
   if (options_.aligned_every_s <= 0) return;
   const double band_every_s = options_.aligned_every_s / alignment_.bands();
   if (has_checked_ && to_seconds(slot.instant - checked_) < band_every_s) return;
-  has_checked_ = true;
   checked_ = slot.instant;
+  // The cameras take turns with this, too.
+  if (!has_checked_) checked_ -= from_seconds(std::fmod(options_.whole_phase_s, band_every_s));
+  has_checked_ = true;
   if (next_band_ == 0) alignment_.begin();
   const PixelRect rows = alignment_.rows_of(next_band_);
   for (const int index : {0, 1}) rectify_rect(slot, index, rows);

@@ -22,7 +22,7 @@ namespace wagonsight {
 struct StereoToDepthOptions {
   MatcherOptions matcher;
   ChangeGateOptions gate;
-  double whole_every_s = 4.0;     // the whole image is matched at least this often
+  double whole_every_s = 4.0;     // the whole image is matched this often, a strip at a time
   double feedback_every_s = 0.5;  // the regions of feedback are matched this often, changes always
   double whole_phase_s = 0.0;     // so much earlier the first time: cameras take turns
   double aligned_every_s = 5.0;   // the rows' alignment is known this often; 0: never
@@ -100,7 +100,6 @@ class StereoToDepth {
   GrayImage rectified(const FrameSlot& slot, int index);
   void rectify_rect(const FrameSlot& slot, int index, const PixelRect& rect);
   void judge_exposure(const FrameSlot& slot);
-  bool wants_whole(HostTime instant) const;
   void match(const FrameSlot& slot, std::span<const PixelRect> regions);
   void check_alignment(const FrameSlot& slot);
   void judge_alignment();
@@ -113,8 +112,8 @@ class StereoToDepth {
   AlignmentCheck alignment_;
   std::vector<std::uint64_t> mask_;
   AlignedArray<std::uint16_t> depth_;
-  bool has_matched_whole_ = false, has_checked_ = false;
-  HostTime matched_whole_{}, fed_back_{}, checked_{};
+  bool has_checked_ = false;
+  HostTime checked_{};
   int next_band_ = 0;  // of the alignment check
   int misaligned_in_a_row_ = 0;
   StereoReport report_;

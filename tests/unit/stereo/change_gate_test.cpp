@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <random>
 #include <vector>
 
@@ -99,6 +100,59 @@ TEST(ChangeGate, FeedbackAndWholeAreAlwaysMatched) {
   const PixelRect track{200, 100, 230, 160};
   EXPECT_TRUE(covers(gate.regions(view(room(2, 12)), false, {&track, 1}), track));
   EXPECT_THAT(gate.regions(view(room(3, 12)), true, {}), testing::ElementsAre(kAll));
+}
+
+HostTime at(double seconds) {
+  return HostTime(from_seconds(seconds));
+}
+
+// The slow rhythm: a strip at a time, everything once in its time, nothing that was matched lately.
+TEST(ChangeGate, WhatNeverChangesIsMatchedByStripsInTurns) {
+  ChangeGate gate(kWidth, kHeight, {.whole_every_s = 4.0, .whole_phase_s = 0.5});
+  gate.regions(view(room(1, 12)), false, {}, {}, at(0));
+  std::vector<double> latest(static_cast<std::size_t>(kWidth * kHeight), 0.0);
+  double longest = 0, most = 0;
+  for (int k = 1; k < 120; ++k) {
+    const double now = 0.1 * k;
+    double matched = 0;
+    for (const PixelRect& r : gate.regions(view(room(2, 12)), false, {}, {}, at(now))) {
+      matched += static_cast<double>((r.x1 - r.x0) * (r.y1 - r.y0));
+      for (int y = r.y0; y < r.y1; ++y)
+        for (int x = r.x0; x < r.x1; ++x) {
+          double& before = latest[static_cast<std::size_t>(y * kWidth + x)];
+          longest = std::max(longest, now - before);
+          before = now;
+        }
+    }
+    most = std::max(most, matched / (kWidth * kHeight));
+  }
+  EXPECT_LT(most, 0.35);
+  EXPECT_LT(longest, 4.15);
+  EXPECT_GE(*std::min_element(latest.begin(), latest.end()), 11.9 - 4.15);
+}
+
+TEST(ChangeGate, AfterAGapEverythingIsDue) {
+  ChangeGate gate(kWidth, kHeight, {.whole_every_s = 2.0});
+  gate.regions(view(room(1, 12)), false, {}, {}, at(0));
+  EXPECT_THAT(gate.regions(view(room(2, 12)), false, {}, {}, at(2.5)), testing::ElementsAre(kAll));
+}
+
+// Those who sit still are looked at in turns: each at its rhythm, never all at once.
+TEST(ChangeGate, FeedbackTakesTurns) {
+  ChangeGate gate(kWidth, kHeight, {.feedback_every_s = 0.5});
+  gate.regions(view(room(1, 12)), false, {}, {}, at(0));
+  std::vector<PixelRect> people;
+  for (int k = 0; k < 4; ++k) people.push_back({20 + 80 * k, 40, 60 + 80 * k, 150});
+  std::vector<int> looks(people.size(), 0);
+  for (int k = 0; k < 28; ++k) {  // two seconds
+    double matched = 0;
+    const auto regions = gate.regions(view(room(2, 12)), false, people, {}, at(1.0 + 0.0714 * k));
+    for (const PixelRect& r : regions)
+      matched += static_cast<double>((r.x1 - r.x0) * (r.y1 - r.y0));
+    EXPECT_LT(matched / (kWidth * kHeight), 0.5) << k;
+    for (std::size_t p = 0; p < people.size(); ++p) looks[p] += covers(regions, people[p]);
+  }
+  EXPECT_THAT(looks, testing::Each(testing::AllOf(testing::Ge(3), testing::Le(5))));
 }
 
 TEST(ChangeGate, AlmostEverythingChangedIsTheWholeImage) {
