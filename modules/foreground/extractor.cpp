@@ -93,7 +93,10 @@ void ForegroundExtractor::finish_learning() {
   learning_ = false;
 }
 
-void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground& out) {
+void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground& out,
+                                  std::span<const std::uint8_t> noise) {
+  WS_CHECK(noise.empty() || noise.size() == image.pixel_count(), "noise of %zu pixels",
+           noise.size());
   WS_CHECK(image.width == view_.width() && image.height == view_.height(), "image of %d x %d",
            image.width, image.height);
   if (options_.without_background) return extract_everything(image, out);
@@ -114,6 +117,9 @@ void ForegroundExtractor::extract(DepthImage image, HostTime instant, Foreground
   }
   background_.thresholds().classify(view_, background_.leaves(), image, foreground_.span(),
                                     unknown_.span());
+  if (!noise.empty())
+    background_.thresholds().forgive(view_, background_.leaves(), image, noise, foreground_.span(),
+                                     unknown_.span());
   drop_masked(image);
   memory_.promote_moving(view_, image, frame_s, foreground_.span(), unknown_.span());
   drop_lonely();

@@ -62,8 +62,11 @@ class ForegroundExtractor {
 
   // The foreground of one frame. `image` has the sensor's size; `out` was made for its pixels.
   // Nothing is foreground in the very first frame when no background was learned, or while the
-  // first background is drawn up.
-  void extract(DepthImage image, HostTime instant, Foreground& out);
+  // first background is drawn up. `noise` has a byte a pixel where readings are not all as
+  // uncertain as their depth makes them: the standard deviation of each in 16ths of the sensor's
+  // noise.
+  void extract(DepthImage image, HostTime instant, Foreground& out,
+               std::span<const std::uint8_t> noise = {});
 
   // True until learning_s of frames were extracted, or a background was learned or loaded.
   bool learning() const { return learning_; }

@@ -301,4 +301,43 @@ void RayThresholds::classify_pixels(const SensorView& view, const BitOctree& bac
   }
 }
 
+// From the intervals: where the first reading that could be of a leaf stops, the leaf begins.
+bool RayThresholds::is_near_background(const SensorView& view, const BitOctree& background,
+                                       std::size_t pixel, std::uint16_t raw, float times) const {
+  const DepthModel& depth = view.depth();
+  const float z = depth.z(raw), reach = times * depth.tolerance(raw);
+  const auto reaches = [&](RawInterval readings) {
+    return readings.first <= readings.last &&
+           z + reach >= depth.z(readings.first) + depth.tolerance(readings.first) &&
+           z - reach <= depth.z(readings.last) - depth.tolerance(readings.last);
+  };
+  if (reaches({first_near_[pixel], first_far_[pixel]}) || reaches(second(pixel))) return true;
+  if (!is_crowded(pixel) || z + reach < depth.z(second_far_[pixel])) return false;
+  bool found = false;
+  walk_ray(view, background, pixel, std::max(0.0F, z - reach), z + reach, [&](float, float) {
+    found = true;
+    return false;
+  });
+  return found;
+}
+
+void RayThresholds::forgive(const SensorView& view, const BitOctree& background, DepthImage image,
+                            std::span<const std::uint8_t> noise,
+                            std::span<std::uint64_t> foreground,
+                            std::span<std::uint64_t> unknown) const {
+  constexpr std::uint8_t kAsStated = 16;
+  for (std::size_t word = 0; word < foreground.size(); ++word) {
+    std::uint64_t forgiven = 0;
+    for (std::uint64_t rest = foreground[word] | unknown[word]; rest != 0; rest &= rest - 1) {
+      const std::size_t pixel = word * 64 + static_cast<std::size_t>(std::countr_zero(rest));
+      if (noise[pixel] <= kAsStated) continue;
+      const float times = static_cast<float>(noise[pixel]) / kAsStated;
+      if (is_near_background(view, background, pixel, image.pixels[pixel], times))
+        forgiven |= rest & -rest;
+    }
+    foreground[word] &= ~forgiven;
+    unknown[word] &= ~forgiven;
+  }
+}
+
 }  // namespace wagonsight

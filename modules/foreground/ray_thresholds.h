@@ -35,6 +35,16 @@ class RayThresholds {
   void classify(const SensorView& view, const BitOctree& background, DepthImage image,
                 std::span<std::uint64_t> foreground, std::span<std::uint64_t> unknown) const;
 
+  // Takes from both what noise may have carried away from the background, where a reading is more
+  // uncertain than its sensor's noise says: `noise` has a byte a pixel, the reading's standard
+  // deviation in 16ths of DepthModel's (16 and less changes nothing).
+  void forgive(const SensorView& view, const BitOctree& background, DepthImage image,
+               std::span<const std::uint8_t> noise, std::span<std::uint64_t> foreground,
+               std::span<std::uint64_t> unknown) const;
+  // The test of one reading: does background lie within `times` the noise of it?
+  bool is_near_background(const SensorView& view, const BitOctree& background, std::size_t pixel,
+                          std::uint16_t raw, float times) const;
+
   // A ray on which nothing is background as far as the wagon goes: whatever is in it is foreground.
   void set_open(std::size_t pixel);
   bool is_open(std::size_t pixel) const { return (open_[pixel / 64] >> (pixel % 64) & 1) != 0; }

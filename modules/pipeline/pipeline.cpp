@@ -157,7 +157,9 @@ void Pipeline::State::extract(std::size_t sensor_index, WorkerSpace& space) {
   if (slot == nullptr) return;
   SensorLane& lane = lanes[sensor_index];
   lane.extractor->use(space.blobs);
-  lane.extractor->extract(slot->depth(), slot->instant, *lane.foreground);
+  const auto noise =
+      lane.stereo != nullptr ? lane.stereo->noise() : std::span<const std::uint8_t>{};
+  lane.extractor->extract(slot->depth(), slot->instant, *lane.foreground, noise);
   views[sensor_index] = {lane.foreground.get(), options.compensate_skew ? image.skew : Duration{}};
 }
 

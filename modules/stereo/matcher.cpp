@@ -117,6 +117,7 @@ void StereoMatcher::allocate_rows() {
   right_winner_ = AlignedArray<std::uint8_t>(row_stride_ + kDisparitiesMax);
   rises_ = AlignedArray<std::uint16_t>(row_stride_ + 2 * kLanes);
   flat_ = AlignedArray<std::uint8_t>(rows_of(height_, row_stride_));
+  sigma_ = AlignedArray<std::uint8_t>(flat_.size());
   result_ = AlignedArray<std::int16_t>(rows_of(height_, result_stride_));
   smooth_ = AlignedArray<std::int16_t>(rows_of(height_, row_stride_) + result_stride_);
 }
@@ -126,7 +127,7 @@ std::size_t StereoMatcher::workspace_bytes() const {
          guide_.size() + left_planes_.size() + right_planes_.size() + raw_.size() + cost_.size() +
          sum_.size() + north_.size() + north_min_.size() + south_.size() + south_min_.size() +
          penalty_west_.size() + penalty_north_.size() + 5 * winner_.size() + right_winner_.size() +
-         flat_.size() + 2 * rises_.size() + speckle_.workspace_bytes();
+         flat_.size() + sigma_.size() + 2 * rises_.size() + speckle_.workspace_bytes();
 }
 
 void StereoMatcher::check_images(const Pair& pair, const ImageView<std::int16_t>& disparity) const {
@@ -148,17 +149,20 @@ void StereoMatcher::match(const GrayImage& left, const GrayImage& right,
 
 void StereoMatcher::match_regions(const GrayImage& left, const GrayImage& right,
                                   std::span<const PixelRect> regions,
-                                  ImageView<std::int16_t> disparity, const GrayImage& bright_as) {
+                                  ImageView<std::int16_t> disparity, const GrayImage& bright_as,
+                                  ImageView<std::uint8_t> sigma) {
   const Pair pair{left, right};
   check_images(pair, disparity);
   if (regions.empty()) return;
+  WS_CHECK(sigma.pixels == nullptr || (sigma.width == width_ && sigma.height == height_),
+           "%d x %d, made for %d x %d", sigma.width, sigma.height, width_, height_);
   WS_CHECK(bright_as.width == width_ && bright_as.height == height_, "%d x %d", bright_as.width,
            bright_as.height);
   measure_brightness(bright_as);
   for (const PixelRect& region : regions) {
     const PixelRect inner{std::max(region.x0, 0), std::max(region.y0, 0),
                           std::min(region.x1, width_), std::min(region.y1, height_)};
-    if (!inner.empty()) match_rect(pair, inner, disparity);
+    if (!inner.empty()) match_rect(pair, inner, disparity, sigma);
   }
 }
 
@@ -179,12 +183,12 @@ PixelRect StereoMatcher::reach_right(const PixelRect& region) const {
 }
 
 void StereoMatcher::match_rect(const Pair& pair, const PixelRect& inner,
-                               ImageView<std::int16_t> disparity) {
+                               ImageView<std::int16_t> disparity, ImageView<std::uint8_t> sigma) {
   begin_rect({std::max(inner.x0 - context_px(), 0), std::max(inner.y0 - context_px(), 0),
               std::min(inner.x1 + context_px(), width_),
               std::min(inner.y1 + context_px(), height_)});
   options_.mode == MatcherMode::kFast ? run_fast(pair) : run_accurate(pair);
-  smooth_and_write(inner, disparity);
+  smooth_and_write(inner, disparity, sigma);
 }
 
 void StereoMatcher::begin_rect(const PixelRect& rect) {

@@ -61,10 +61,12 @@ class StereoMatcher {
   }
   // Where of left and right no more is there than reach_left() and reach_right() of the regions:
   // `bright_as` is a whole image of the left one's mean brightness (as it was before
-  // rectification), of this size.
+  // rectification), of this size. `sigma`, where it is given, gets the standard deviation of each
+  // disparity in 64ths of a pixel as the match tells it, 16 or more; it means nothing where there
+  // is no disparity.
   void match_regions(const GrayImage& left, const GrayImage& right,
                      std::span<const PixelRect> regions, ImageView<std::int16_t> disparity,
-                     const GrayImage& bright_as);
+                     const GrayImage& bright_as, ImageView<std::uint8_t> sigma = {});
   // What is read of either image for a region, clipped to it.
   PixelRect reach_left(const PixelRect& region) const;
   PixelRect reach_right(const PixelRect& region) const;
@@ -92,7 +94,8 @@ class StereoMatcher {
   void allocate_rows();
   void check_images(const Pair& pair, const ImageView<std::int16_t>& disparity) const;
   void measure_brightness(const GrayImage& left);
-  void match_rect(const Pair& pair, const PixelRect& inner, ImageView<std::int16_t> disparity);
+  void match_rect(const Pair& pair, const PixelRect& inner, ImageView<std::int16_t> disparity,
+                  ImageView<std::uint8_t> sigma);
   void begin_rect(const PixelRect& rect);
   void run_fast(const Pair& pair);
   void run_accurate(const Pair& pair);
@@ -106,7 +109,8 @@ class StereoMatcher {
   stereo_kernels::PathRow upward_path(int y);
   stereo_kernels::WinnerRow winner_row();
   void finish_row(int y);
-  void smooth_and_write(const PixelRect& inner, ImageView<std::int16_t> disparity);
+  void smooth_and_write(const PixelRect& inner, ImageView<std::int16_t> disparity,
+                        ImageView<std::uint8_t> sigma);
 
   std::uint16_t* gray_row(AlignedArray<std::uint16_t>& ring, int y);
   std::uint8_t* raw_row(int y);
@@ -145,6 +149,7 @@ class StereoMatcher {
   AlignedArray<std::uint8_t> right_winner_, seen_from_right_;
   AlignedArray<std::uint16_t> rises_;  // working row of measure_texture
   AlignedArray<std::uint8_t> flat_;    // 1 where a pixel has too little texture; whole image
+  AlignedArray<std::uint8_t> sigma_;   // of the disparities; whole image
   AlignedArray<std::int16_t> result_, smooth_;
   SpeckleFilter speckle_;
 };

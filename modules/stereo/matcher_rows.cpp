@@ -204,10 +204,12 @@ void StereoMatcher::finish_row(int y) {
   kernels_->disparity_row({winner, winner_cost_.data(), cost_below_.data(), cost_above_.data(),
                            seen, flat_.data() + static_cast<std::size_t>(y) * row_stride_, width,
                            checks ? options_.left_right_difference : kDisparitiesMax,
-                           options_.disparity_min, result_row(y)});
+                           options_.disparity_min, result_row(y),
+                           sigma_.data() + static_cast<std::size_t>(y) * row_stride_});
 }
 
-void StereoMatcher::smooth_and_write(const PixelRect& inner, ImageView<std::int16_t> disparity) {
+void StereoMatcher::smooth_and_write(const PixelRect& inner, ImageView<std::int16_t> disparity,
+                                     ImageView<std::uint8_t> sigma) {
   const int width = rect_.x1 - rect_.x0, height = rect_.y1 - rect_.y0;
   for (int y = rect_.y0; y < rect_.y1; ++y) {
     std::int16_t* row = result_row(y);
@@ -230,6 +232,9 @@ void StereoMatcher::smooth_and_write(const PixelRect& inner, ImageView<std::int1
   for (int y = inner.y0; y < inner.y1; ++y)
     std::copy_n(view.pixels + view.index(inner.x0 - rect_.x0, y - rect_.y0), inner.x1 - inner.x0,
                 disparity.pixels + disparity.index(inner.x0, y));
+  for (int y = inner.y0; sigma.pixels != nullptr && y < inner.y1; ++y)
+    std::copy_n(sigma_.data() + static_cast<std::size_t>(y) * row_stride_ + (inner.x0 - rect_.x0),
+                inner.x1 - inner.x0, sigma.pixels + sigma.index(inner.x0, y));
 }
 
 }  // namespace wagonsight

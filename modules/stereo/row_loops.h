@@ -76,17 +76,24 @@ struct RowLoops {
     return difference < 0 ? -magnitude : magnitude;
   }
 
+  static int sigma_of(int rise, int cost) {
+    constexpr int kLeast = 16, kSteep = 112, kHigh = 110;
+    return kLeast + larger(kSteep - rise, 0) / 4 + larger(cost - kHigh, 0) / 4;
+  }
+
   static void disparity_row(const DisparityRow& row) {
     const std::uint8_t *winners = row.winner, *costs = row.cost, *below = row.cost_below,
                        *above = row.cost_above, *seen = row.seen_from_right, *flat = row.flat;
     const int width = row.width, tolerance = row.tolerance, disparity_min = row.disparity_min;
     std::int16_t* __restrict out = row.disparity;
+    std::uint8_t* __restrict sigmas = row.sigma;
     for (int x = 0; x < width; ++x) {
       const int winner = winners[x], cost = costs[x];
       const bool good = (size(seen[x] - winner) <= tolerance) & (cost != 255) & (flat[x] == 0);
       const int disparity = (disparity_min + winner) * kDisparityScale +
                             subpixel_offset(below[x] - cost, above[x] - cost);
       out[x] = static_cast<std::int16_t>(good ? disparity : kNoDisparity);
+      sigmas[x] = static_cast<std::uint8_t>(sigma_of(larger(below[x], above[x]) - cost, cost));
     }
   }
 };

@@ -47,7 +47,11 @@ StereoToDepth::StereoToDepth(StereoRectification rectification, const StereoToDe
                  {.disparity_min = options.matcher.disparity_min,
                   .disparity_count = options.matcher.disparity_count}),
       depth_(static_cast<std::size_t>(rectification_.camera.width) *
-             static_cast<std::size_t>(rectification_.camera.height)) {}
+             static_cast<std::size_t>(rectification_.camera.height)),
+      sigma_(depth_.size()) {
+  // One number serves as 64ths of a pixel and as 16ths of the noise.
+  static_assert(kDisparitySigmaPx * kDisparityScale == 16);
+}
 
 // Image 0 is the left one. Only what rectify_rect() was asked for is there of it.
 GrayImage StereoToDepth::rectified(const FrameSlot& slot, int index) {
@@ -86,7 +90,7 @@ void StereoToDepth::match(const FrameSlot& slot, std::span<const PixelRect> regi
   }
   const ImageView<std::int16_t> disparity{workspace_->disparity.data(), width, height};
   matcher.match_regions(rectified(slot, 0), rectified(slot, 1), regions, disparity,
-                        raw_image(slot, 0));
+                        raw_image(slot, 0), {sigma_.data(), width, height});
   // Elsewhere the disparities are another camera's, and the depth stays what it was.
   const ImageView<std::uint16_t> depth{depth_.data(), width, height};
   for (const PixelRect& region : regions)

@@ -90,6 +90,10 @@ class StereoToDepth {
     return std::as_writable_bytes(std::span(depth_.data(), depth_.size()));
   }
 
+  // Of its readings, a byte a pixel: how uncertain each is, in 16ths of what its depth alone makes
+  // it (stereo_noise), 16 or more.
+  std::span<const std::uint8_t> noise() const { return {sigma_.data(), sigma_.size()}; }
+
   const StereoReport& report() const { return report_; }
   const Camera& camera() const { return rectification_.camera; }
 
@@ -112,6 +116,7 @@ class StereoToDepth {
   AlignmentCheck alignment_;
   std::vector<std::uint64_t> mask_;
   AlignedArray<std::uint16_t> depth_;
+  AlignedArray<std::uint8_t> sigma_;  // of the disparities that they were, in 64ths of a pixel
   bool has_checked_ = false;
   HostTime checked_{};
   int next_band_ = 0;  // of the alignment check

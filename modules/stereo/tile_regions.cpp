@@ -60,6 +60,13 @@ std::span<const PixelRect> TileRegions::cover(std::span<std::uint8_t> marked) {
     }
   while (merge_two()) {
   }
+  // Two may be kept apart by a third; all together may still be cheaper.
+  PixelRect all = regions_.empty() ? PixelRect{} : regions_[0];
+  for (const PixelRect& region : regions_) all = around_both(all, region);
+  if (regions_.size() > 1 && cost_of(all) <= cost()) {
+    regions_.clear();
+    (void)regions_.try_push_back(all);  // there is room: it was cleared
+  }
   return regions_.span();
 }
 

@@ -70,9 +70,11 @@ struct Contestant {
   std::function<Point(const TruthPair&, int uniqueness)> run;
 };
 
-Contestant ours(MatcherMode mode, int tolerance, int speckle) {
+Contestant ours(MatcherMode mode, int tolerance, int speckle, int texture) {
   const std::string name = mode == MatcherMode::kFast ? "wagonsight fast" : "wagonsight accurate";
-  return {name, "lr=" + std::to_string(tolerance) + " speckle=" + std::to_string(speckle),
+  return {name,
+          "lr=" + std::to_string(tolerance) + " speckle=" + std::to_string(speckle) +
+              " texture=" + std::to_string(texture),
           [=](const TruthPair& pair, int uniqueness) {
             MatcherOptions options;
             options.mode = mode;
@@ -80,6 +82,7 @@ Contestant ours(MatcherMode mode, int tolerance, int speckle) {
             options.uniqueness_percent = uniqueness;
             options.left_right_difference = tolerance;
             options.speckle_pixels = speckle;
+            options.texture_min = texture;
             auto matcher = StereoMatcher::create(pair.left.cols, pair.left.rows, options);
             cv::Mat raw(pair.left.size(), CV_16S), disparity;
             const GrayImage left{pair.left.data, PixelFormat::kGray8, raw.cols, raw.rows};
@@ -128,10 +131,12 @@ Contestant block_matching(int block) {
 std::vector<Contestant> contestants() {
   std::vector<Contestant> all;
   for (const auto mode : {MatcherMode::kFast, MatcherMode::kAccurate}) {
-    all.push_back(ours(mode, 1, 100));
-    all.push_back(ours(mode, 3, 20));
-    all.push_back(ours(mode, 10, 20));
-    all.push_back(ours(mode, -1, 20));
+    for (const int texture : {4, 0}) {  // OpenCV's semi-global matcher asks for none
+      all.push_back(ours(mode, 1, 100, texture));
+      all.push_back(ours(mode, 10, 20, texture));
+    }
+    all.push_back(ours(mode, 3, 20, 4));
+    all.push_back(ours(mode, -1, 20, 4));
   }
   for (const int block : {3, 5})
     for (const auto& [penalty, cap] : {std::pair{8, 31}, {4, 63}})
@@ -210,6 +215,48 @@ void compare(const TruthPair& pair, bool curves) {
   std::fflush(stdout);
 }
 
+// How well each match knows its own error: by bins of the sigma that it states, the share of the
+// matches, the error of those within 1 px in sigmas (1 when it is told rightly), and what lies
+// beyond three sigmas, against one sigma for all.
+void judge_sigmas(const TruthPair& pair, MatcherMode mode) {
+  constexpr int kEnds[] = {17, 20, 24, 30, 40, 256};
+  constexpr double kOneForAll = 16;  // 64ths of a pixel
+  MatcherOptions options;
+  options.mode = mode;
+  options.disparity_count = pair.disparities;
+  auto matcher = StereoMatcher::create(pair.left.cols, pair.left.rows, options);
+  const int width = pair.left.cols, height = pair.left.rows;
+  cv::Mat disparity(pair.left.size(), CV_16S), sigma(pair.left.size(), CV_8U);
+  const GrayImage left{pair.left.data, PixelFormat::kGray8, width, height};
+  const GrayImage right{pair.right.data, PixelFormat::kGray8, width, height};
+  const PixelRect whole{0, 0, width, height};
+  matcher->match_regions(left, right, {&whole, 1}, {disparity.ptr<std::int16_t>(), width, height},
+                         left, {sigma.data, width, height});
+  double count[6] = {}, within[6] = {}, squares[6] = {}, beyond = 0, beyond_one = 0, all = 0;
+  for (int y = 0; y < height; ++y)
+    for (int x = pair.disparities; x < width; ++x) {
+      const int found = disparity.at<std::int16_t>(y, x), stated = sigma.at<uchar>(y, x);
+      if (found < 0 || !(pair.truth.at<float>(y, x) > 0) || pair.seen_by_both.at<uchar>(y, x) == 0)
+        continue;
+      const double error = std::fabs(found - kDisparityScale * pair.truth.at<float>(y, x));
+      const auto bin = static_cast<std::size_t>(
+          std::upper_bound(std::begin(kEnds), std::end(kEnds) - 1, stated) - std::begin(kEnds));
+      ++count[bin], ++all;
+      beyond += error > 3 * stated;
+      beyond_one += error > 3 * kOneForAll;
+      if (error > kDisparityScale) continue;
+      ++within[bin];
+      squares[bin] += (error / stated) * (error / stated);
+    }
+  std::printf("  sigmas, %s  (up to px: share, error in sigmas)",
+              mode == MatcherMode::kFast ? "fast    " : "accurate");
+  for (std::size_t bin = 0; bin < 6; ++bin)
+    std::printf("  %.2f: %.1f%%, %.2f", (kEnds[bin] - 1) / 64.0, 100 * count[bin] / all,
+                std::sqrt(squares[bin] / std::max(within[bin], 1.0)));
+  std::printf("  beyond three %.2f%%, with one for all %.2f%%\n", 100 * beyond / all,
+              100 * beyond_one / all);
+}
+
 }  // namespace
 }  // namespace wagonsight::bench
 
@@ -230,7 +277,12 @@ int main(int argc, char** argv) {
   std::size_t count = 0;
   for (const auto& pairs :
        {cone_pairs(cone), aloe_pairs(aloe), simulated_pairs(WAGONSIGHT_SOURCE_DIR "/config")})
-    for (const auto& pair : pairs) compare(pair, curves), ++count;
+    for (const auto& pair : pairs) {
+      compare(pair, curves);
+      for (const auto mode : {wagonsight::MatcherMode::kFast, wagonsight::MatcherMode::kAccurate})
+        judge_sigmas(pair, mode);
+      ++count;
+    }
   if (count == 0) {
     std::fprintf(stderr, "no pair with truth was found in %s and %s; give --cone or --aloe\n",
                  cone.c_str(), aloe.c_str());

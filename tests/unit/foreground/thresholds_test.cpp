@@ -149,6 +149,62 @@ TEST(RayThresholds, RememberedIntervalsEqualTheOctree) {
   }));
 }
 
+// The definition again: some leaf on the ray within so many times the noise of the reading.
+bool is_near_by_octree(const Scene& s, const BitOctree& background, std::size_t pixel,
+                       std::uint16_t raw, float reach_m) {
+  const float z = s.view.depth().z(raw);
+  bool found = false;
+  walk_ray(s.view, background, pixel, std::max(0.0F, z - reach_m), z + reach_m,
+           [&](float, float) { return !(found = true); });
+  return found;
+}
+
+TEST(RayThresholds, AnUncertainReadingIsForgivenWhereBackgroundIsWithinItsNoise) {
+  EXPECT_TRUE(rc::check("forgiving equals the walk with a wider noise", [] {
+    const Scene& s = scene();
+    BitOctree background(s.grid);
+    RayThresholds thresholds(s.view);
+    const int count = *rc::gen::inRange(0, 300);
+    for (int i = 0; i < count; ++i) {
+      const LeafAddress leaf = any_seen_leaf(s.view);
+      if (background.insert(leaf)) thresholds.leaf_added(s.view, background, leaf);
+    }
+    std::vector<std::uint16_t> image(s.view.pixel_count());
+    std::vector<std::uint8_t> noise(image.size());
+    for (auto& raw : image) raw = *rc::gen::inRange<std::uint16_t>(0, 7000);
+    for (auto& times : noise)
+      times =
+          *rc::gen::oneOf(rc::gen::just<std::uint8_t>(16), rc::gen::inRange<std::uint8_t>(0, 90));
+    const std::size_t words = (image.size() + 63) / 64;
+    std::vector<std::uint64_t> foreground(words), unknown(words);
+    thresholds.classify(s.view, background, s.room.view(image), foreground, unknown);
+    const auto bit = [](const std::vector<std::uint64_t>& bits, std::size_t pixel) {
+      return ((bits[pixel / 64] >> (pixel % 64)) & 1) != 0;
+    };
+    const auto foreground_before = foreground, unknown_before = unknown;
+    thresholds.forgive(s.view, background, s.room.view(image), noise, foreground, unknown);
+    for (std::size_t pixel = 0; pixel < image.size(); ++pixel) {
+      const bool before = bit(foreground_before, pixel) || bit(unknown_before, pixel);
+      const bool after = bit(foreground, pixel) || bit(unknown, pixel);
+      if (!before || noise[pixel] <= 16) {
+        RC_ASSERT(after == before);
+        continue;
+      }
+      // Readings are millimetres, and the tolerances at the intervals' ends are of their depths.
+      constexpr float kRounding_m = 0.003F;
+      const float reach =
+          s.view.depth().tolerance(image[pixel]) * static_cast<float>(noise[pixel]) / 16.0F;
+      const bool surely =
+          is_near_by_octree(s, background, pixel, image[pixel], 0.97F * reach - kRounding_m);
+      const bool maybe =
+          is_near_by_octree(s, background, pixel, image[pixel], 1.03F * reach + kRounding_m);
+      if (grazes(s, background, pixel)) continue;
+      if (!after) RC_ASSERT(maybe);
+      if (after) RC_ASSERT(!surely);
+    }
+  }));
+}
+
 TEST(IntervalKernel, Avx2EqualsTheScalarTwin) {
   if (!has_avx2()) GTEST_SKIP() << "this processor has no AVX2";
   EXPECT_TRUE(rc::check("the same bits on any input", [] {

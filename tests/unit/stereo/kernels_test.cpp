@@ -148,6 +148,29 @@ TEST_P(KernelsTest, MediansAreEqual) {
   EXPECT_EQ(out[0], out[1]);
 }
 
+TEST_P(KernelsTest, DisparitiesAndTheirSigmasAreEqual) {
+  const auto width = static_cast<std::size_t>(width_);
+  const auto any_row = [&](int most) {
+    Bytes row(width);
+    for (auto& value : row) value = static_cast<std::uint8_t>(between(0, most));
+    return row;
+  };
+  const Bytes winner = any_row(63), cost = any_row(255), below = any_row(255), above = any_row(255),
+              seen = any_row(63), flat = any_row(1);
+  std::vector<std::int16_t> out[2];
+  Bytes sigma[2];
+  for (int k = 0; k < 2; ++k) {
+    out[k].resize(width);
+    sigma[k].resize(width);
+    (k == 0 ? slow_ : fast_)
+        .disparity_row({winner.data(), cost.data(), below.data(), above.data(), seen.data(),
+                        flat.data(), width_, 40, 5, out[k].data(), sigma[k].data()});
+  }
+  EXPECT_EQ(out[0], out[1]);
+  EXPECT_EQ(sigma[0], sigma[1]);
+  EXPECT_THAT(sigma[0], testing::Each(testing::Ge(16)));
+}
+
 INSTANTIATE_TEST_SUITE_P(Seeds, KernelsTest, testing::Range(0, test::cases(40, 6)));
 
 // The bent equiangular fit, for every pair of rises.
@@ -158,8 +181,9 @@ TEST(Kernels, SubpixelPartsAreTheRoundedFit) {
       for (int k = 0; k < 255; ++k) up[static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(k);
       const Bytes flat(255, 0);
       std::vector<std::int16_t> out(255);
+      Bytes sigma(255);
       kernels->disparity_row({winner.data(), cost.data(), down.data(), up.data(), winner.data(),
-                              flat.data(), 255, 0, 0, out.data()});
+                              flat.data(), 255, 0, 0, out.data(), sigma.data()});
       for (int above = 0; above < 255; ++above) {
         const double r = double(below - above) / std::max({below, above, 1});
         ASSERT_NEAR(out[static_cast<std::size_t>(above)], 640 + 64 * (0.7 * r - 0.2 * r * r * r),

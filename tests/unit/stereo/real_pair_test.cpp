@@ -30,9 +30,13 @@ Gray read_png(const std::string& path) {
   return gray;
 }
 
-// Shares among the pixels that both images see (their truths agree to a pixel), right of column 64.
+// Shares among the pixels that both images see (their truths agree to a pixel), right of column 64:
+// with a disparity; of those, more than a pixel off, and beyond three of what the match states as
+// its sigma, or of one sigma for all. Errors within a pixel, in sigmas: of the sure and of others.
 struct Found {
   double density = 0, bad = 0;
+  double beyond_three = 0, beyond_three_of_one = 0;
+  double sure_in_sigmas = 0, others_in_sigmas = 0;
 };
 
 class ConePair : public testing::Test {
@@ -61,10 +65,15 @@ class ConePair : public testing::Test {
     const int width = left_.width, height = left_.height;
     auto matcher = StereoMatcher::create(width, height, options);
     std::vector<std::int16_t> out(left_.pixels.size());
-    matcher->match({left_.pixels.data(), PixelFormat::kGray8, width, height},
-                   {right_.pixels.data(), PixelFormat::kGray8, width, height},
-                   {out.data(), width, height});
-    int count = 0, valid = 0, bad = 0;
+    std::vector<std::uint8_t> sigma(out.size());
+    const PixelRect whole{0, 0, width, height};
+    const GrayImage left{left_.pixels.data(), PixelFormat::kGray8, width, height};
+    matcher->match_regions(left, {right_.pixels.data(), PixelFormat::kGray8, width, height},
+                           {&whole, 1}, {out.data(), width, height}, left,
+                           {sigma.data(), width, height});
+    int count = 0, valid = 0, bad = 0, beyond = 0, beyond_one = 0;
+    int within[2] = {};
+    double squares[2] = {};
     for (int y = 0; y < height; ++y)
       for (int x = 64; x < width; ++x) {
         const auto at = static_cast<std::size_t>(y * width + x);
@@ -72,9 +81,21 @@ class ConePair : public testing::Test {
         ++count;
         if (out[at] < 0) continue;
         ++valid;
-        bad += std::abs(out[at] / double{kDisparityScale} - truth_left_.pixels[at] / 4.0) > 1.0;
+        const double error = std::abs(out[at] - kDisparityScale * truth_left_.pixels[at] / 4.0);
+        bad += error > kDisparityScale;
+        beyond += error > 3 * sigma[at];
+        beyond_one += error > 3 * 16;
+        if (error > kDisparityScale) continue;
+        const int other = sigma[at] > 16 ? 1 : 0;
+        ++within[other];
+        squares[other] += (error / sigma[at]) * (error / sigma[at]);
       }
-    return {double(valid) / count, double(bad) / valid};
+    return {double(valid) / count,
+            double(bad) / valid,
+            double(beyond) / valid,
+            double(beyond_one) / valid,
+            std::sqrt(squares[0] / within[0]),
+            std::sqrt(squares[1] / within[1])};
   }
 };
 
@@ -84,6 +105,17 @@ TEST_F(ConePair, FastModeKeepsItsAccuracy) {
   const Found found = matched({.mode = MatcherMode::kFast, .uniqueness_percent = 0});
   EXPECT_GT(found.density, 0.965);
   EXPECT_LT(found.bad, 0.021);
+}
+
+// Whoever trusts what a match says of itself is wrong less often than with one sigma for all.
+TEST_F(ConePair, AMatchKnowsItsError) {
+  for (const auto mode : {MatcherMode::kFast, MatcherMode::kAccurate}) {
+    const Found found = matched({.mode = mode});
+    EXPECT_LT(found.beyond_three, 0.88 * found.beyond_three_of_one);
+    EXPECT_LT(found.sure_in_sigmas, 0.9);
+    EXPECT_GT(found.others_in_sigmas, 0.6);
+    EXPECT_LT(found.others_in_sigmas, 1.1);
+  }
 }
 
 TEST_F(ConePair, AccurateModeKeepsItsAccuracy) {

@@ -76,7 +76,7 @@ class StereoToDepthTest : public testing::TestWithParam<MatcherMode> {
     StereoToDepthOptions options;
     options.matcher.mode = GetParam();
     options.matcher.disparity_count = 32;
-    options.whole_every_s = 2.0;
+    options.whole_every_s = 3.0;
     options.aligned_every_s = 0.5;
     if (workspace_ == nullptr)
       workspace_ = *StereoWorkspace::create(kWidth, kHeight, options.matcher);
@@ -138,7 +138,7 @@ TEST_P(StereoToDepthTest, OnlyWhatChangedIsMatchedAndTheRestIsKept) {
   take(0.3, false);
   const DepthImage gone = stereo.convert(slot_, false, {}, *workspace_);
   EXPECT_LT(quality(gone, stereo, X_LS, kWallZ, {140, 80, 180, 160}).off, 0.02);
-  take(2.5, false);
+  take(3.5, false);
   stereo.convert(slot_, false, {}, *workspace_);
   EXPECT_EQ(stereo.report().matched_share, 1.0);  // at its slow rhythm
 }
