@@ -58,6 +58,7 @@ class Replay {
   static HostTime newest_instant(const FrameSet& set);
   void note_latency(const FrameSet& set, Duration took);
   void note_stereo(const FrameSet& set);
+  void hear_doors();
   tl::unexpected<Error> in_recording(const Error& error) const {
     const bool is_damage = recording_.reader->cursor().damaged_chunks() > 0;
     return fail(fmt::format("{} {}{}", recording_.path, error.message,
@@ -137,10 +138,26 @@ Result<void> Replay::write_cloud(std::uint64_t index) {
   return write_ply(fmt::format("{}/{:06}.ply", options_.clouds, index), cloud_);
 }
 
+// The train's doors are known by their names; the wagon's may be another description's.
+void Replay::hear_doors() {
+  const VehicleStateMessage* said = recording_.reader->vehicle();
+  if (said == nullptr) return;
+  DoorStates doors;
+  for (const Door& door : setup_.wagon.doors) {
+    const auto named = std::find_if(said->doors.begin(), said->doors.end(),
+                                    [&](const auto& one) { return one.name == door.name.view(); });
+    const bool is_closed =
+        named != said->doors.end() && named->state == VehicleStateMessage::kClosed;
+    doors.push_back(is_closed ? DoorState::kClosed : DoorState::kUnknown);
+  }
+  pipeline_->hear_doors({doors.data(), doors.size()});
+}
+
 Result<void> Replay::process_all(OutputFile& out) {
   Progress progress("frames", frame_count_hint(*recording_.reader) / setup_.rig.sensors.size());
   if (!options_.timing.empty()) pipeline_->set_ticker(StageTimings::now);
   pipeline_->set_start(recording_.reader->start());
+  recording_.reader->listen_to_vehicle();
   FrameSet set;
   std::string line;
   while (true) {
@@ -152,6 +169,7 @@ Result<void> Replay::process_all(OutputFile& out) {
     if (options_.realtime) wait_for(newest_instant(set));
     const Duration before = processor_time();
     const auto began = std::chrono::steady_clock::now();
+    hear_doors();
     const PeopleFrame& frame = pipeline_->process(set);
     if (options_.realtime) note_latency(set, std::chrono::steady_clock::now() - began);
     timings_.add(pipeline_->last_stage_times(), processor_time() - before);

@@ -150,6 +150,7 @@ class Daemon {
       message.doors.push_back({std::string(unit_->wagon.doors[i].name.view()),
                                static_cast<std::uint8_t>(state.doors[i])});
     recorder_.tell_vehicle(message);
+    tracking_.hear_doors(state.doors);
   }
 
   // Without its signals the wagon is watched as before.

@@ -112,6 +112,7 @@ void Tracking::take_frames() {
 void Tracking::process(const FrameSet& set) {
   if (now_->framesets == 0) frame_offset_s_ = to_seconds(set.instant - daemon_start_);
   worked_on_ = set.instant;
+  if (doors_.load(doors_heard_)) pipeline_->hear_doors({doors_heard_.data(), doors_heard_.size()});
   now_->frame = pipeline_->process(set);
   if (drift_ != nullptr) drift_->offer(set, *pipeline_, now_->frame);
   shift_times(now_->frame);

@@ -61,6 +61,9 @@ class Tracking {
   void start(std::vector<SourceThread*> sources, DriftWatch* drift);
   void stop();
 
+  // One other thread: what the train says of its doors, in the wagon's order, from now on.
+  void hear_doors(const DoorStates& doors) { doors_.store(doors); }
+
   // Any one other thread. False until the first instant.
   bool report(TrackingReport& report) const { return shared_->load(report); }
   std::uint64_t report_count() const { return shared_->version(); }
@@ -95,6 +98,8 @@ class Tracking {
   double frame_offset_s_ = 0;                      // the pipeline counts from its first instant
   std::vector<SourceThread*> sources_;
   DriftWatch* drift_ = nullptr;
+  Seqlock<DoorStates> doors_;
+  DoorStates doors_heard_;
   std::unique_ptr<TrackingReport> now_;
   std::unique_ptr<Seqlock<TrackingReport>> shared_;
   HostTime worked_on_{};  // the instant of the last set

@@ -181,7 +181,7 @@ void Pipeline::State::find_people(const FrameSet& frames) {
 }
 
 void Pipeline::State::judge_situation() {
-  situation.update(frame, visibility);
+  situation.update(frame, visibility, {doors.data(), doors.size()});
   finish_stage(Stage::kSituation);
 }
 
@@ -229,6 +229,12 @@ void Pipeline::learn(const FrameSet& frames) {
 void Pipeline::finish_learning() {
   for (std::size_t i = 0; i < state_->rig.sensors.size(); ++i)
     state_->lanes[i].extractor->finish_learning();
+}
+
+void Pipeline::hear_doors(std::span<const DoorState> doors) {
+  state_->doors.clear();
+  for (const DoorState door : doors)
+    if (!state_->doors.try_push_back(door)) return;
 }
 
 void Pipeline::set_start(HostTime start) {

@@ -70,6 +70,9 @@ class Pipeline {
   // The result stays valid until the next call.
   const PeopleFrame& process(const FrameSet& frames);
 
+  // What the train says of its doors, in the wagon's order: of the instants that follow.
+  void hear_doors(std::span<const DoorState> doors);
+
   // Learning apart from processing, for `replay --background whole` and for backgrounds kept in a
   // file. learn() only gathers evidence; finish_learning() makes what was gathered the background.
   void learn(const FrameSet& frames);

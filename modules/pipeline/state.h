@@ -82,6 +82,7 @@ struct Pipeline::State {
   PeopleFrame frame;
   bool started = false;
   HostTime start{};
+  DoorStates doors;
 
   Ticker ticker = nullptr;
   Duration stage_begin{};

@@ -185,7 +185,9 @@ Result<void> RecordingReader::take_only(std::string_view sensor) {
   rig_.sensors.clear();
   rig_.sensors.push_back(chosen);
   rays_[0] = rays_[static_cast<std::size_t>(index)];
-  std::erase_if(roles_, [&](const ChannelRole& role) { return role.sensor_index != index; });
+  std::erase_if(roles_, [&](const ChannelRole& role) {
+    return role.role != Role::kVehicle && role.sensor_index != index;
+  });
   for (ChannelRole& role : roles_) role.sensor_index = 0;
   return {};
 }
@@ -218,6 +220,7 @@ void RecordingReader::rewind() {
   cursor_.rewind();
   info_.reset();
   has_first_ = false;
+  vehicle_.reset();
 }
 
 void RecordingReader::seek(HostTime time) {
@@ -231,6 +234,12 @@ void RecordingReader::seek(HostTime time) {
     return;
   }
   cursor_.seek(mcap_.segments().size());
+}
+
+void RecordingReader::listen_to_vehicle() {
+  for (const McapChannel& channel : mcap_.channels())
+    if (has_schema(mcap_, channel, vehicle_state_schema()))
+      roles_.push_back({.channel_id = channel.id, .role = Role::kVehicle});
 }
 
 Result<void> RecordingReader::take_image(const McapMessage& message, const ChannelRole& role,
@@ -288,6 +297,10 @@ Result<bool> RecordingReader::next(FrameSlot& slot) {
     if (!*more) return false;
     const ChannelRole* role = find_role(message.channel_id);
     if (role == nullptr) continue;
+    if (role->role == Role::kVehicle) {
+      if (auto heard = decode_vehicle_state(message.data)) vehicle_ = std::move(heard);
+      continue;
+    }
     if (role->role == Role::kInfo) {
       info_ = decode_frame_info(message.data);
       info_sensor_ = role->sensor_index;

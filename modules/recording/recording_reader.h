@@ -42,6 +42,11 @@ class RecordingReader {
   // there are. Before the first next(), or rewind() afterwards.
   Result<void> take_only(std::string_view sensor);
 
+  // What the train had said by the last frame that next() gave; nullptr: nothing yet. Only after
+  // listen_to_vehicle(), for taking it allocates.
+  void listen_to_vehicle();
+  const VehicleStateMessage* vehicle() const { return vehicle_ ? &*vehicle_ : nullptr; }
+
   // For whoever has the calibration from elsewhere: frees the blob, and rays() are empty from then.
   void drop_blob();
 
@@ -62,7 +67,7 @@ class RecordingReader {
   void seek(HostTime time);
 
  private:
-  enum class Role : std::uint8_t { kNone, kInfo, kFirst, kSecond };
+  enum class Role : std::uint8_t { kNone, kInfo, kFirst, kSecond, kVehicle };
   struct ChannelRole {
     std::uint16_t channel_id = 0;
     Role role = Role::kNone;
@@ -88,6 +93,7 @@ class RecordingReader {
   std::optional<FrameInfoMessage> info_;  // of the frame that is being put together
   std::uint8_t info_sensor_ = 0;
   bool has_first_ = false;
+  std::optional<VehicleStateMessage> vehicle_;
 };
 
 }  // namespace wagonsight

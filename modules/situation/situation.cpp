@@ -6,6 +6,8 @@
 namespace wagonsight {
 namespace {
 
+constexpr double kLongAgo = -1e9;
+constexpr double kDoorGrace = 2.0;     // seconds a door stays passable: tracks begin late
 constexpr double kDoorReach = 0.8;     // metres from the threshold: in the doorway
 constexpr double kStoryMemory = 2.0;   // seconds without the person until a story ends
 constexpr double kSeatReach = 0.45;    // metres from a seat's centre to its sitter's torso
@@ -66,10 +68,13 @@ Situation::Situation(const Wagon& wagon, const SituationOptions& options)
     occupancy_.seats.push_back({seat.name, Occupied::kUnobserved, 0});
   for (const Door& door : wagon_.doors) occupancy_.doors.push_back({door.name, 0, 0});
   crowded_since_s_.fill(-1);
+  passable_until_s_.fill(kLongAgo);
 }
 
-const Occupancy& Situation::update(PeopleFrame& frame, const VisibilityGrid& visibility) {
+const Occupancy& Situation::update(PeopleFrame& frame, const VisibilityGrid& visibility,
+                                   std::span<const DoorState> doors) {
   frame.events.clear();
+  hear_doors(doors, frame.time);
   for (const Person& person : frame.people) {
     Story& story = story_of(person, frame.time);
     follow(person, story, frame.time);
@@ -94,7 +99,7 @@ Story& Situation::story_of(const Person& person, double now_s) {
   story.person = person.id;
   story.first_s = story.rest_since_s = now_s;
   story.position = story.rest_position = person.position;
-  story.came_by = door_near(person.position);
+  story.came_by = door_passed(person.position, now_s);
   if (stories_.try_push_back(story)) return stories_[stories_.size() - 1];
   stories_[oldest] = story;  // cannot happen while there are fewer people than stories
   return stories_[oldest];
@@ -160,10 +165,21 @@ void Situation::end_stories(double now_s) {
       ++kept;
       continue;
     }
-    const int door = door_near(story.position);
+    const int door = door_passed(story.position, story.last_s);
     if (door >= 0 && story.was_inside) ++occupancy_.doors[static_cast<std::size_t>(door)].alighted;
   }
   stories_.resize(kept);
+}
+
+void Situation::hear_doors(std::span<const DoorState> doors, double now_s) {
+  for (std::size_t i = 0; i < wagon_.doors.size(); ++i)
+    if (i >= doors.size() || doors[i] != DoorState::kClosed) passable_until_s_[i] = now_s;
+}
+
+int Situation::door_passed(const std::array<double, 2>& position, double then_s) const {
+  const int door = door_near(position);
+  if (door < 0) return door;
+  return then_s <= passable_until_s_[static_cast<std::size_t>(door)] + kDoorGrace ? door : -1;
 }
 
 int Situation::door_near(const std::array<double, 2>& position) const {

@@ -48,9 +48,12 @@ class Situation {
   // Allocates here and never again.
   explicit Situation(const Wagon& wagon, const SituationOptions& options = {});
 
-  // Takes the people of an instant, writes their events into `frame` and says who fills what. The
-  // Occupancy stays valid until the next call.
-  const Occupancy& update(PeopleFrame& frame, const VisibilityGrid& visibility);
+  // Takes the people of an instant, writes their events into `frame` and says who fills what.
+  // `doors`: what the train says of its doors, in the wagon's order; nobody comes or goes by one
+  // that is closed, and one of which nothing is known may be open. The Occupancy stays valid until
+  // the next call.
+  const Occupancy& update(PeopleFrame& frame, const VisibilityGrid& visibility,
+                          std::span<const DoorState> doors = {});
   const Occupancy& occupancy() const { return occupancy_; }
 
  private:
@@ -58,7 +61,10 @@ class Situation {
   void follow(const Person& person, Story& story, double now_s);
   void follow_fall(const Person& person, Story& story, double now_s) const;
   void end_stories(double now_s);
+  void hear_doors(std::span<const DoorState> doors, double now_s);
   int door_near(const std::array<double, 2>& position) const;
+  // Of door_near: -1 where that door was closed then.
+  int door_passed(const std::array<double, 2>& position, double then_s) const;
 
   void count_zones(const PeopleFrame& frame, const VisibilityGrid& visibility);
   void judge_seats(const PeopleFrame& frame, const VisibilityGrid& visibility);
@@ -73,6 +79,7 @@ class Situation {
   BoundedVector<Story> stories_;
   std::array<double, kZonesMax> zone_area_m2_{};
   std::array<double, kZonesMax> crowded_since_s_{};
+  std::array<double, kDoorsMax> passable_until_s_{};  // by door
   Occupancy occupancy_;
 };
 

@@ -146,14 +146,15 @@ struct StageTiming {
 inline constexpr std::size_t kStagesMax = 16;
 
 enum class DoorState : std::uint8_t { kUnknown, kClosed, kOpen };
+using DoorStates = FixedVector<DoorState, kDoorsMax>;  // of the wagon, in its order
 
 // Signals of the train, when it has any.
 struct VehicleState {
   bool is_listening = false;  // the settings name an input
   bool has_speed = false, has_stop = false;
-  double speed = 0;                         // m/s
-  Name stop;                                // where it stands; empty: between stops
-  FixedVector<DoorState, kDoorsMax> doors;  // of the wagon, in its order
+  double speed = 0;  // m/s
+  Name stop;         // where it stands; empty: between stops
+  DoorStates doors;
   std::uint64_t lines = 0, bad_lines = 0, refused_connections = 0;
   FixedString<120> last_bad;  // the last line that was refused, and why
 };

@@ -65,6 +65,39 @@ TEST(Recording, RewindsAndSeeks) {
   expect_frame(0, owned);
 }
 
+TEST(Recording, GivesWhatTheTrainHadSaidByEachFrame) {
+  MemorySink sink;
+  RecordingOptions options;
+  options.has_vehicle = true;
+  auto writer = *RecordingWriter::create(sink, small_rig(), options);
+  OwnedSlot owned;
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    VehicleStateMessage said;
+    said.doors = {{"north", i < 4 ? VehicleStateMessage::kOpen : VehicleStateMessage::kClosed}};
+    fill_frame(i, owned);
+    said.stamp = owned.slot.arrival;
+    if (i == 2 || i == 4) {
+      ASSERT_TRUE(writer->write(said));
+    }
+    ASSERT_TRUE(writer->write(owned.slot));
+  }
+  ASSERT_TRUE(writer->finish());
+  auto reader = *RecordingReader::open(sink.bytes(), DamagePolicy::kStop);
+  for (const bool listens : {false, true}) {
+    if (listens) reader->listen_to_vehicle();
+    reader->rewind();
+    for (std::uint32_t i = 0; i < 6; ++i) {
+      ASSERT_TRUE(*reader->next(owned.slot));
+      ASSERT_EQ(reader->vehicle() != nullptr, listens && i >= 2) << i;
+      if (reader->vehicle() == nullptr) continue;
+      ASSERT_EQ(reader->vehicle()->doors.size(), 1U);
+      EXPECT_EQ(reader->vehicle()->doors[0].name, "north");
+      EXPECT_EQ(reader->vehicle()->doors[0].state,
+                i < 4 ? VehicleStateMessage::kOpen : VehicleStateMessage::kClosed);
+    }
+  }
+}
+
 // A damaged byte within the third chunk's compressed records.
 std::vector<std::byte> damaged_recording() {
   auto bytes = record(20, small_chunks());

@@ -42,7 +42,7 @@ class SituationTest : public ::testing::Test {
       person.last_seen = time;
       frame_.people.push_back(person);
     }
-    occupancy_ = &situation_.update(frame_, unseen_);
+    occupancy_ = &situation_.update(frame_, unseen_, doors_);
   }
   std::vector<EventKind> events() const {
     std::vector<EventKind> kinds;
@@ -54,6 +54,7 @@ class SituationTest : public ::testing::Test {
   Situation situation_{small_wagon()};
   PeopleFrame frame_;
   const Occupancy* occupancy_ = nullptr;
+  std::vector<DoorState> doors_;  // what the train says; empty: nothing
 };
 
 TEST_F(SituationTest, CountsZonesAndSeats) {
@@ -109,6 +110,41 @@ TEST_F(SituationTest, CountsWhoBoardsAndWhoAlights) {
   at(10, {});
   EXPECT_EQ(occupancy_->doors[0].boarded, 1U);
   EXPECT_EQ(occupancy_->doors[0].alighted, 1U);
+}
+
+TEST_F(SituationTest, NobodyComesOrGoesByAClosedDoor) {
+  const auto walk_in = [&](std::uint32_t id, double start) {
+    for (int i = 0; i <= 20; ++i)
+      at(start + 0.1 * i, {somebody(id, 3, 2.5 - 0.1 * i, Posture::kStanding, 1.7)});
+  };
+  const auto walk_out = [&](std::uint32_t id, double start) {
+    for (int i = 0; i <= 20; ++i)
+      at(start + 0.1 * i, {somebody(id, 3, 0.5 + 0.1 * i, Posture::kStanding, 1.7)});
+    at(start + 5, {});
+  };
+  doors_ = {DoorState::kClosed};
+  walk_in(3, 0);   // was hidden, and is seen again in the doorway
+  walk_out(4, 5);  // and is hidden there
+  EXPECT_EQ(occupancy_->doors[0].boarded, 0U);
+  EXPECT_EQ(occupancy_->doors[0].alighted, 0U);
+  doors_ = {DoorState::kOpen};
+  walk_in(5, 20);
+  EXPECT_EQ(occupancy_->doors[0].boarded, 1U);
+  walk_out(6, 30);
+  EXPECT_EQ(occupancy_->doors[0].alighted, 1U);
+  // The train stopped telling: as without its signals.
+  doors_ = {DoorState::kUnknown};
+  walk_out(7, 40);
+  EXPECT_EQ(occupancy_->doors[0].alighted, 2U);
+}
+
+TEST_F(SituationTest, ThoseWhoPassAsTheDoorClosesAreCounted) {
+  doors_ = {DoorState::kOpen};
+  at(0, {});
+  doors_ = {DoorState::kClosed};
+  for (int i = 0; i <= 20; ++i)  // the track begins when the door is a second behind them
+    at(1 + 0.1 * i, {somebody(3, 3, 2.2 - 0.1 * i, Posture::kStanding, 1.7)});
+  EXPECT_EQ(occupancy_->doors[0].boarded, 1U);
 }
 
 TEST_F(SituationTest, DoesNotCountWhoOnlyLooksIn) {
