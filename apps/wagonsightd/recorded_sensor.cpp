@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "linux/clocks.h"
@@ -107,7 +108,7 @@ void RecordedSensor::place_in_time(FrameSlot& slot) {
     if (span_s > 0) {
       const double rate = static_cast<double>(stream.last_ticks - stream.first_ticks) / span_s;
       slot.device_ticks += static_cast<std::uint64_t>(laps_) *
-                           static_cast<std::uint64_t>(rate * to_seconds(lap_length_) + 0.5);
+                           static_cast<std::uint64_t>(std::llround(rate * to_seconds(lap_length_)));
     }
   }
   const Duration moved = start_ - reader_->start() + laps_ * lap_length_;

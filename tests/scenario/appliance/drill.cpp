@@ -2,20 +2,25 @@
 // one, which has no login; so the campaign hands the loader a second initramfs, in which this is
 // the first program. It leaves a child behind that lives below the unit's root, and becomes the
 // shipped first program. The child obeys lines on the second serial line:
-//   kill       SIGKILL for wagonsightd itself      -> killed PID
-//   kill-web   SIGKILL for its web side            -> killed PID
+//   kill N     after N milliseconds SIGKILL for wagonsightd itself; waits until another one answers
+//                                                  -> killed PID, back after N ms
+//   ready      waits until /readyz says so         -> ready after N ms
 //   forget     removes the note of past crashes    -> forgotten
 //   resident   names and resident kB of every process, and the machine's memory; ends with "."
 //   flood N    N lines of 200 bytes to the log     -> flooded, and the log's shared memory in bytes
+#include <arpa/inet.h>
 #include <dirent.h>
 #include <fcntl.h>
+#include <netinet/in.h>
 #include <sys/mount.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <termios.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -23,6 +28,7 @@
 #include <functional>
 #include <sstream>
 #include <string>
+#include <thread>
 
 namespace {
 
@@ -55,22 +61,62 @@ void for_each_process(const std::function<void(const Process&)>& visit) {
   closedir(folder);
 }
 
-// The daemon is the parent, its web side the child of the same name.
-int find_daemon(bool is_web_wanted) {
-  int daemon = 0, web = 0;
+using Clock = std::chrono::steady_clock;
+
+long long milliseconds_since(Clock::time_point begin) {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - begin).count();
+}
+
+void pause_ms(int milliseconds) {
+  std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+}
+
+// The daemon, which init started; its web side is its child.
+int find_daemon() {
+  int daemon = 0;
   for_each_process([&](const Process& process) {
     if (process.name == "wagonsightd" && process.parent == 1) daemon = process.pid;
   });
-  for_each_process([&](const Process& process) {
-    if (daemon != 0 && process.parent == daemon) web = process.pid;
-  });
-  return is_web_wanted ? web : daemon;
+  return daemon;
 }
 
-std::string kill_one(bool is_web_wanted) {
-  const int pid = find_daemon(is_web_wanted);
-  if (pid == 0 || kill(pid, SIGKILL) != 0) return "there is none\n";
-  return "killed " + std::to_string(pid) + "\n";
+bool answers_200(const std::string& path) {
+  const int fd = socket(AF_INET, SOCK_STREAM, 0);
+  const timeval patience{2, 0};
+  setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(8080);
+  to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  std::string answer(12, ' ');
+  const std::string request =
+      "GET " + path + " HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n";
+  const bool is_good = connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 &&
+                       send(fd, request.data(), request.size(), MSG_NOSIGNAL) > 0 &&
+                       recv(fd, answer.data(), answer.size(), MSG_WAITALL) > 0 &&
+                       answer == "HTTP/1.1 200";
+  close(fd);
+  return is_good;
+}
+
+std::string wait_for(const std::string& path, const std::string& what, Clock::time_point begin) {
+  while (!answers_200(path)) {
+    if (milliseconds_since(begin) > 60'000) return "nobody answers within a minute\n";
+    pause_ms(20);
+  }
+  return what + std::to_string(milliseconds_since(begin)) + " ms\n";
+}
+
+std::string kill_daemon(int after_ms) {
+  pause_ms(after_ms);
+  const int pid = find_daemon();
+  const auto begin = Clock::now();
+  if (pid == 0 || kill(pid, SIGKILL) != 0) return "there is no daemon\n";
+  for (int other = pid; other == pid || other == 0; other = find_daemon()) {
+    if (milliseconds_since(begin) > 60'000) return "not started again within a minute\n";
+    pause_ms(20);
+  }
+  return wait_for("/livez", "killed " + std::to_string(pid) + ", back after ", begin);
 }
 
 std::string tell_resident() {
@@ -112,8 +158,8 @@ std::string flood(int lines) {
 }
 
 std::string obey(const std::string& command) {
-  if (command == "kill") return kill_one(false);
-  if (command == "kill-web") return kill_one(true);
+  if (command.starts_with("kill ")) return kill_daemon(std::atoi(command.c_str() + 5));
+  if (command == "ready") return wait_for("/readyz", "ready after ", Clock::now());
   if (command == "forget")
     return unlink((kProc + "1/root/run/wagonsight/run-record").c_str()) == 0 ? "forgotten\n"
                                                                              : "nothing noted\n";

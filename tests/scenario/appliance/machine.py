@@ -80,7 +80,8 @@ def add_to_provision(image, files):
 class Machine:
     """`network`: it reaches this computer (as 10.0.2.2); otherwise only its page is reached from here."""
 
-    def __init__(self, architecture, image, folder, drill=False, restarts=False, network=False, write_log=None):
+    def __init__(self, architecture, image, folder, drill=False, restarts=False, network=False, counted=False,
+                 write_log=None):
         self.folder = pathlib.Path(folder)
         self.port = free_port()
         words = run(ROOT / "scripts/boot", architecture, "--image", image, "--keep", "--port", self.port,
@@ -88,6 +89,8 @@ class Machine:
         self.firmware = next(word for word in words if word.startswith("if=pflash") and "readonly" not in word)
         if restarts:
             words.remove("-no-reboot")
+        if counted:  # the guest's clock counts its instructions
+            words = [word.replace("tcg,thread=multi", "tcg,thread=single") for word in words] + ["-icount", "shift=1"]
         if network:
             words = [word.replace("restrict=on", "restrict=off") for word in words]
         if drill:
@@ -100,7 +103,7 @@ class Machine:
                 "-blockdev", f"driver=file,filename={write_log},node-name=log",
                 "-blockdev", f"driver=blklogwrites,node-name=d,file=base,log=log,log-sector-size={SECTOR}"]
         self.console = self.folder / "console"
-        with open(self.console, "ab") as console:
+        with open(self.console, "wb") as console:
             self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=console, stderr=console)
         self.start = time.monotonic()
         self.line = None
