@@ -61,4 +61,10 @@ struct PackArguments {
 };
 Result<void> run_pack(const PackArguments& arguments);
 
+struct LatencyArguments {
+  std::string recording, rig, out;
+  double ball_radius = 0;  // metres
+};
+Result<void> run_latency(const LatencyArguments& arguments);
+
 }  // namespace wagonsight

@@ -93,6 +93,16 @@ int run(int argc, char** argv) {
   pack_command->add_option("--solution", pack.solution, "SOLUTION.json")->required();
   pack_command->add_option("--out", pack.out, "RIG.blob")->required();
 
+  LatencyArguments latency;
+  auto* latency_command = app.add_subcommand(
+      "latency", "how late each sensor stamps its frames, from a ball that is waved in view");
+  latency_command->add_option("recording", latency.recording, "the recording (MCAP)")->required();
+  latency_command->add_option("--rig", latency.rig, "RIG.blob: where the sensors are")->required();
+  latency_command->add_option("--ball-radius", latency.ball_radius, "of the ball, in metres")
+      ->required()
+      ->check(CLI::Range(0.03, 0.5));
+  latency_command->add_option("--out", latency.out, "RIG.blob with the delays")->required();
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {
@@ -107,6 +117,7 @@ int run(int argc, char** argv) {
     if (*solve_command) return run_solve(solve);
     if (*report_command) return run_report(report);
     if (*georeference_command) return run_georeference(georeference);
+    if (*latency_command) return run_latency(latency);
     return run_pack(pack);
   }();
   if (done) return 0;

@@ -52,6 +52,22 @@ void print_depth(const Solution& solution) {
                solution.board.square_m * 1e3);
 }
 
+// A new solution knows nothing of the delays of the time stamps, and they do not depend on it:
+// those of the blob that is replaced stay.
+void keep_stamp_delays(const std::string& path, Rig& rig) {
+  const auto file = MappedFile::open(path);
+  const auto blob = file ? open_blob(file->bytes()) : Result<RigBlob>(fail(""));
+  if (!blob) return;
+  for (RigSensor& sensor : rig.sensors) {
+    const int index = find_sensor(blob->rig, sensor.name.view());
+    if (index < 0) continue;
+    sensor.stamp_delay = blob->rig.sensors[static_cast<std::size_t>(index)].stamp_delay;
+    if (sensor.stamp_delay.is_known())
+      fmt::print("{}: the delay of its time stamps, {:.1f} ms, is kept\n", sensor.name.view(),
+                 1e3 * sensor.stamp_delay.delay_s);
+  }
+}
+
 }  // namespace
 
 Result<Solution> read_solution(const std::string& path) {
@@ -95,6 +111,7 @@ Result<void> run_pack(const PackArguments& arguments) {
   rig->provenance.created_unix = std::chrono::duration_cast<std::chrono::seconds>(
                                      std::chrono::system_clock::now().time_since_epoch())
                                      .count();
+  keep_stamp_delays(arguments.out, *rig);
   // What was there stays as OUT.previous: the unit falls back to it when the new one is damaged.
   return replace_file_keeping_previous(arguments.out, pack_blob(*rig));
 }

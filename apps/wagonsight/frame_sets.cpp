@@ -16,6 +16,7 @@ FrameSetSource::FrameSetSource(RecordingReader& reader, const Rig& rig)
       pool_(rig.sensors.size() == 1 ? 1 : kSlotsPerSensor * rig.sensors.size() + 1,
             reader.slot_bytes()) {
   for (std::size_t i = 0; i < sensor_count_; ++i) rates_hz_[i] = rig.sensors[i].rate_hz;
+  options_.stamp_delays = stamp_delays(rig);
   rewind();
 }
 
@@ -28,7 +29,7 @@ void FrameSetSource::rewind() {
   if (sensor_count_ == 1) {
     if (slot_ == nullptr) slot_ = pool_.acquire();
   } else {
-    builder_.emplace(pool_, std::span(rates_hz_).first(sensor_count_));
+    builder_.emplace(pool_, std::span(rates_hz_).first(sensor_count_), options_);
   }
 }
 
@@ -39,6 +40,7 @@ Result<bool> FrameSetSource::next(FrameSet& set) {
 Result<bool> FrameSetSource::next_of_one(FrameSet& set) {
   const auto more = reader_.next(*slot_);
   if (!more || !*more) return more;
+  slot_->instant -= options_.stamp_delays[0];
   set = FrameSet{};
   set.index = index_++;
   set.instant = slot_->instant;

@@ -28,6 +28,7 @@ class FrameSetSource {
 
   RecordingReader& reader_;
   std::array<double, kSensorsMax> rates_hz_{};
+  FrameSetOptions options_;
   std::size_t sensor_count_;
   FramePool pool_;
   std::optional<FrameSetBuilder> builder_;  // of several sensors

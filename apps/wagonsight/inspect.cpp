@@ -69,8 +69,13 @@ void print_blob(const Report& report) {
     else
       fmt::print("no pose");
     const auto rms = sensor["rms_px"].get<double>();
-    fmt::print(", {}\n", rms > 0 ? fmt::format("calibrated to {:.3f} px RMS", rms)
-                                 : std::string("reprojection error not stated"));
+    fmt::print(", {}", rms > 0 ? fmt::format("calibrated to {:.3f} px RMS", rms)
+                               : std::string("reprojection error not stated"));
+    const Report& delay = sensor["stamp_delay_ms"];
+    fmt::print(", {}\n", delay.is_null()
+                             ? std::string("delay of its time stamps not measured")
+                             : fmt::format("time stamps {:.1f} +- {:.1f} ms late",
+                                           delay[0].get<double>(), delay[1].get<double>()));
   }
   fmt::print("  georeference: {}\n", report["georeference"].get<bool>() ? "present" : "none");
 }
@@ -127,6 +132,9 @@ Result<Report> inspect_blob(const std::string& path, const MappedFile& file) {
     told["trim_m"] = {sensor.trim_near, sensor.trim_far};
     told["rate_hz"] = sensor.rate_hz;
     told["rms_px"] = sensor.rms_px;
+    told["stamp_delay_ms"] = nullptr;
+    if (sensor.stamp_delay.is_known())
+      told["stamp_delay_ms"] = {1e3 * sensor.stamp_delay.delay_s, 1e3 * sensor.stamp_delay.sigma_s};
     report["sensors"].push_back(told);
   }
   return report;

@@ -27,6 +27,7 @@ constexpr Duration kStereoLatencyMax = std::chrono::milliseconds(120);
 
 FrameSetOptions live_options(const Rig& rig) {
   FrameSetOptions options;
+  options.stamp_delays = stamp_delays(rig);
   options.tick_when_silent = true;
   const bool has_stereo =
       std::any_of(rig.sensors.begin(), rig.sensors.end(),

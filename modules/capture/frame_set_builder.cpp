@@ -55,6 +55,7 @@ void FrameSetBuilder::add(FrameSlot* slot) {
     ++cause;
     pool_.release(slot);
   };
+  slot->instant -= options_.stamp_delays[slot->sensor_index];
   const HostTime instant = slot->instant;
   if (instant > slot->arrival + kImplausibleLead) return refuse(counters.implausible);
   if (queue.seen && instant == queue.last_instant) return refuse(counters.duplicates);

@@ -20,6 +20,9 @@ struct FrameSetOptions {
   // When every sensor is silent: keep ticking with empty FrameSets, so that people fade and seats
   // become unobserved. Off where a FrameSet must answer to a frame (replay of one camera).
   bool tick_when_silent = false;
+  // How much later than its light a sensor's frames are stamped, by sensor index (Rig's
+  // StampDelay). It is taken off each frame's instant, once, when the frame is added.
+  std::array<Duration, kSensorsMax> stamp_delays{};
 };
 
 // Groups frames of many sensors into FrameSets, one for each frame of the fastest sensor.

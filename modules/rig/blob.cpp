@@ -16,12 +16,19 @@ constexpr std::size_t kHeaderBytes = 64;
 constexpr std::size_t kEntryBytes = 32;
 constexpr std::size_t kDigestBytes = crypto_hash_sha256_BYTES;
 constexpr std::size_t kAlignment = 64;
-// A sensor's own, and its rays' or lenses' section each, the georeference and the provenance, and
-// room for kinds that come later.
+// A sensor's own, its rays' or lenses' and its stamp delay's section each, the georeference and the
+// provenance, and room for kinds that come later.
 constexpr std::size_t kSectionsMax = 4 * kSensorsMax;
 constexpr std::uint16_t kNoSensor = 0xFFFF;
 
-enum class SectionKind : std::uint16_t { kProvenance = 1, kGeoreference, kSensor, kRays, kLenses };
+enum class SectionKind : std::uint16_t {
+  kProvenance = 1,
+  kGeoreference,
+  kSensor,
+  kRays,
+  kLenses,
+  kStampDelay,
+};
 
 struct Section {
   SectionKind kind{};
@@ -65,6 +72,9 @@ std::string describe(const Section& section, const SensorNames& names) {
       break;
     case SectionKind::kLenses:
       what = "lenses";
+      break;
+    case SectionKind::kStampDelay:
+      what = "stamp delay";
       break;
     default:
       return fmt::format("of kind {}", static_cast<int>(section.kind));
@@ -249,6 +259,22 @@ Result<void> read_lenses(std::span<const std::byte> bytes, const SectionTable& t
   return {};
 }
 
+// After read_descriptions(), too. Blobs of before have none: their delays are zero.
+Result<void> read_stamp_delays(std::span<const std::byte> bytes, const SectionTable& table,
+                               Rig& rig) {
+  for (const Section& section : table) {
+    if (section.kind != SectionKind::kStampDelay) continue;
+    const std::string what = describe(section, names_of(rig));
+    if (section.sensor_index >= rig.sensors.size())
+      return fail(fmt::format("section {} belongs to no sensor", what));
+    StampDelay& delay = rig.sensors[section.sensor_index].stamp_delay;
+    if (delay.is_known()) return fail(fmt::format("section {} is there twice", what));
+    if (!read_section(slice(bytes, section), delay) || !delay.is_known())
+      return fail(fmt::format("section {} is not what it says it is", what));
+  }
+  return {};
+}
+
 // After check_rig(): image sizes are sane here.
 Result<void> find_rays(std::span<const std::byte> bytes, const SectionTable& table, RigBlob& blob) {
   for (const Section& section : table) {
@@ -280,8 +306,10 @@ Result<void> find_rays(std::span<const std::byte> bytes, const SectionTable& tab
 std::vector<std::byte> pack_blob(const Rig& rig) {
   const auto needs_rays = [](const RigSensor& s) { return s.kind == SensorKind::kKinect; };
   const auto has_lenses = [](const RigSensor& s) { return s.stereo.has_lenses(); };
+  const auto has_delay = [](const RigSensor& s) { return s.stamp_delay.is_known(); };
   const auto extra_sections = std::count_if(rig.sensors.begin(), rig.sensors.end(), needs_rays) +
-                              std::count_if(rig.sensors.begin(), rig.sensors.end(), has_lenses);
+                              std::count_if(rig.sensors.begin(), rig.sensors.end(), has_lenses) +
+                              std::count_if(rig.sensors.begin(), rig.sensors.end(), has_delay);
   BlobWriter blob(2 + rig.sensors.size() + static_cast<std::size_t>(extra_sections));
   blob.add(SectionKind::kProvenance, kNoSensor,
            [&](ByteWriter& out) { write_section(rig.provenance, out); });
@@ -294,6 +322,10 @@ std::vector<std::byte> pack_blob(const Rig& rig) {
     if (has_lenses(rig.sensors[i]))
       blob.add(SectionKind::kLenses, i,
                [&](ByteWriter& out) { write_section(rig.sensors[i].stereo, out); });
+  for (std::uint16_t i = 0; i < sensor_count; ++i)
+    if (has_delay(rig.sensors[i]))
+      blob.add(SectionKind::kStampDelay, i,
+               [&](ByteWriter& out) { write_section(rig.sensors[i].stamp_delay, out); });
   for (std::uint16_t i = 0; i < sensor_count; ++i) {
     if (!needs_rays(rig.sensors[i])) continue;
     blob.add(SectionKind::kRays, i, [&](ByteWriter& out) {
@@ -325,6 +357,8 @@ Result<RigBlob> open_blob(std::span<const std::byte> bytes) {
   if (auto read = read_descriptions(bytes, *table, blob.rig); !read)
     return fail(read.error().message);
   if (auto read = read_lenses(bytes, *table, blob.rig); !read) return fail(read.error().message);
+  if (auto read = read_stamp_delays(bytes, *table, blob.rig); !read)
+    return fail(read.error().message);
   if (auto checked = check_rig(blob.rig); !checked) return fail(checked.error().message);
   if (auto found = find_rays(bytes, *table, blob); !found) return fail(found.error().message);
   return blob;

@@ -101,6 +101,12 @@ void lens_fields(Archive& archive, L& lenses) {
   rigid_fields(archive, lenses.X_LR);
 }
 
+template <class Archive, class D>
+void delay_fields(Archive& archive, D& delay) {
+  archive.value(delay.delay_s);
+  archive.value(delay.sigma_s);
+}
+
 template <class Archive, class G>
 void georeference_fields(Archive& archive, G& g) {
   archive.flag(g.present);
@@ -130,6 +136,11 @@ void write_section(const StereoGeometry& lenses, ByteWriter& out) {
   lens_fields(saver, lenses);
 }
 
+void write_section(const StampDelay& delay, ByteWriter& out) {
+  Saver saver(out);
+  delay_fields(saver, delay);
+}
+
 void write_section(const Georeference& georeference, ByteWriter& out) {
   Saver saver(out);
   georeference_fields(saver, georeference);
@@ -152,6 +163,12 @@ bool read_section(std::span<const std::byte> bytes, RigSensor& sensor) {
 bool read_section(std::span<const std::byte> bytes, StereoGeometry& lenses) {
   Loader loader(bytes);
   lens_fields(loader, lenses);
+  return loader.complete();
+}
+
+bool read_section(std::span<const std::byte> bytes, StampDelay& delay) {
+  Loader loader(bytes);
+  delay_fields(loader, delay);
   return loader.complete();
 }
 

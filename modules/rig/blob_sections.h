@@ -12,6 +12,7 @@ namespace wagonsight {
 
 void write_section(const RigSensor& sensor, ByteWriter& out);
 void write_section(const StereoGeometry& lenses, ByteWriter& out);  // all but the baseline
+void write_section(const StampDelay& delay, ByteWriter& out);
 void write_section(const Georeference& georeference, ByteWriter& out);
 void write_section(const Provenance& provenance, ByteWriter& out);
 
@@ -19,6 +20,7 @@ void write_section(const Provenance& provenance, ByteWriter& out);
 // (check_rig() does that).
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, RigSensor& sensor);
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, StereoGeometry& lenses);
+[[nodiscard]] bool read_section(std::span<const std::byte> bytes, StampDelay& delay);
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, Georeference& georeference);
 [[nodiscard]] bool read_section(std::span<const std::byte> bytes, Provenance& provenance);
 

@@ -105,6 +105,10 @@ std::string broken_rule(const RigSensor& sensor) {
   rules.require_between("rate_hz", sensor.rate_hz, 1e-3, kRateMax_hz);
   rules.require_between("depth_scale", sensor.depth_scale, 0.5, 2);
   rules.require_between("depth_offset", sensor.depth_offset, -1, 1);
+  constexpr double kStampDelayMax_s = 0.5;  // half a second is no latency but another fault
+  rules.require_between("stamp_delay", sensor.stamp_delay.delay_s, -kStampDelayMax_s,
+                        kStampDelayMax_s);
+  rules.require_between("stamp_delay's sigma", sensor.stamp_delay.sigma_s, 0, kStampDelayMax_s);
   rules.require_between("rms_px", sensor.rms_px, 0, 1000);
   rules.require_covariance(sensor.covariance);
   return rules.take();
@@ -125,6 +129,13 @@ int find_sensor(const Rig& rig, std::string_view name) {
   for (std::size_t i = 0; i < rig.sensors.size(); ++i)
     if (rig.sensors[i].name == name) return static_cast<int>(i);
   return -1;
+}
+
+std::array<Duration, kSensorsMax> stamp_delays(const Rig& rig) {
+  std::array<Duration, kSensorsMax> delays{};
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i)
+    delays[i] = from_seconds(rig.sensors[i].stamp_delay.delay_s);
+  return delays;
 }
 
 bool is_sensor_name(std::string_view name) {

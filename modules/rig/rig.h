@@ -9,6 +9,7 @@
 #include "base/fixed_string.h"
 #include "base/fixed_vector.h"
 #include "base/result.h"
+#include "base/time.h"
 #include "geometry/camera.h"
 #include "geometry/transform.h"
 
@@ -40,6 +41,16 @@ struct StereoGeometry {  // of a rectified pair; right = left shifted by `baseli
   bool has_lenses() const { return left.width > 0; }
 };
 
+// How much later a sensor's time stamps are than its light, against the sensor of the rig whose are
+// earliest; arrival times cannot tell. Zero: not measured. Recordings keep the raw stamps; it is
+// taken off where frames are grouped.
+struct StampDelay {
+  double delay_s = 0;
+  double sigma_s = 0;
+
+  bool is_known() const { return delay_s != 0 || sigma_s != 0; }
+};
+
 struct RigSensor {
   Name name;
   SensorKind kind = SensorKind::kKinect;
@@ -55,6 +66,7 @@ struct RigSensor {
   double depth_scale = 1.0;   // per-unit depth correction: z = scale * raw + offset
   double depth_offset = 0.0;  // metres
   double rms_px = 0;          // reprojection error of its calibration, 0: unknown
+  StampDelay stamp_delay;
   // Covariance of X_WS: rotation vector (rad, in W) then position (m, in W); zero: unknown.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
@@ -81,6 +93,9 @@ struct Rig {
 
 // Index of the sensor of that name, or -1.
 int find_sensor(const Rig& rig, std::string_view name);
+
+// By sensor index, for FrameSetOptions; zero where none is known.
+std::array<Duration, kSensorsMax> stamp_delays(const Rig& rig);
 
 // 1 to 40 letters, digits, _ and -: fit for a file's name, a metric's label and a topic.
 bool is_sensor_name(std::string_view name);

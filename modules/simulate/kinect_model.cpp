@@ -154,6 +154,11 @@ void KinectModel::gather(World& world, HostTime instant) {
       place_bag(item.position, item.yaw, -(item.owner + 1), parts);
     add(parts, X_SW, light);
   }
+  for (std::size_t ball = 0; ball < scene_->balls.size(); ++ball) {
+    parts.clear();
+    parts.push_back(world.ball_at(ball, instant));
+    add(parts, X_SW, light);
+  }
   for (std::size_t door = 0; door < scene_->doors.size(); ++door) {
     parts.clear();
     place_door_leaves(doorway_of(*scene_, scene_->doors[door]), world.door_open_at(door, instant),

@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kForever = 1e9;  // seconds
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr std::size_t kBallsMax = 8;
 
 constexpr std::array<std::string_view, 5> kMaterials{"plain", "dark", "metal", "glass", "screen"};
 constexpr std::array<std::string_view, 2> kKinds{"kinect", "stereo"};
@@ -135,6 +136,18 @@ void read_zones(SceneReader& root, Scene& scene) {
   }
 }
 
+void read_balls(SceneReader& root, Scene& scene) {
+  for (SceneReader& reader : root.tables("ball", kBallsMax)) {
+    SceneBall ball;
+    ball.position = reader.point3("position", true).value_or(ball.position);
+    ball.swing = reader.point3("swing", false).value_or(ball.swing);
+    ball.radius = reader.number("radius", 0.02, 0.5, ball.radius);
+    ball.period_s = reader.number("period", 0.2, 60, ball.period_s);
+    reader.finish();
+    scene.balls.push_back(ball);
+  }
+}
+
 void read_sensors(SceneReader& root, Scene& scene) {
   for (SceneReader& reader : root.tables("sensor", kSensorsMax)) {
     SceneSensor sensor;
@@ -148,6 +161,7 @@ void read_sensors(SceneReader& root, Scene& scene) {
     sensor.phase_s = reader.number("phase_ms", -1000, 1000, 0.0) * 1e-3;
     sensor.drift_ppm = reader.number("drift_ppm", -10000, 10000, 0.0);
     sensor.drop_rate = reader.number("drop_rate", 0, 1, 0.0);
+    sensor.stamp_late_s = reader.number("stamp_late_ms", 0, 100, 0.0) * 1e-3;
     sensor.noise = reader.number("noise", 0, 10, 1.0);
     constexpr double kKinectRate_hz = 30, kStereoRate_hz = 14;
     sensor.rate_hz = reader.number(
@@ -259,6 +273,17 @@ void read_faults(SceneReader& root, Scene& scene) {
 
 }  // namespace
 
+Eigen::Vector3d SceneBall::centre_at(double seconds) const {
+  // No two axes share a harmonic, so that no two instants of some seconds look alike.
+  constexpr std::array<double, 3> kFaster{1, 0.73, 1.37};
+  Eigen::Vector3d centre = position;
+  for (int axis = 0; axis < 3; ++axis)
+    centre[axis] += swing[axis] * std::sin(2 * std::numbers::pi * seconds *
+                                               kFaster[static_cast<std::size_t>(axis)] / period_s +
+                                           axis);
+  return centre;
+}
+
 double time_in(const Scene& scene, double seconds) {
   return scene.repeat_s > 0 ? std::fmod(seconds, scene.repeat_s) : seconds;
 }
@@ -282,6 +307,7 @@ Result<Scene> parse_scene(std::string_view text, std::string_view file_name) {
   read_boxes(root, "window", Material::kGlass, kMasksMax / 2, scene.windows);
   read_boxes(root, "screen", Material::kScreen, kMasksMax / 2, scene.screens);
   read_zones(root, scene);
+  read_balls(root, scene);
   read_sensors(root, scene);
   for (SceneReader& reader : root.tables("passenger", kPeopleMax))
     scene.passengers.push_back(read_passenger(reader, scene));

@@ -32,6 +32,15 @@ struct SceneBox {  // furniture, a window or a screen
   Eigen::Vector3d min = Eigen::Vector3d::Zero(), max = Eigen::Vector3d::Zero();
   Material material = Material::kPlain;
 };
+// A ball that swings along a Lissajous figure, as somebody waves it on a thin stick.
+struct SceneBall {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of its middle
+  Eigen::Vector3d swing = Eigen::Vector3d::Zero();     // to either side, metres
+  double radius = 0.1;
+  double period_s = 1.5;  // of its swing along x; y and z have their own
+
+  Eigen::Vector3d centre_at(double seconds) const;
+};
 struct SceneZone {
   std::string name;
   std::vector<Eigen::Vector2d> polygon;
@@ -44,7 +53,8 @@ struct SceneSensor {
   double phase_s = 0;
   double drift_ppm = 0;
   double drop_rate = 0;
-  double noise = 1;  // 0: ideal depth, only quantised
+  double stamp_late_s = 0;  // its clock reads the time so long after the light was taken
+  double noise = 1;         // 0: ideal depth, only quantised
   double rate_hz = 30;
 };
 
@@ -108,6 +118,7 @@ struct Scene {
   std::vector<SceneDoor> doors;
   std::vector<SceneBox> boxes, windows, screens;
   std::vector<SceneZone> zones;
+  std::vector<SceneBall> balls;
   std::vector<SceneSensor> sensors;
   std::vector<ScenePassenger> passengers;
   std::vector<SceneLight> lights;  // by time

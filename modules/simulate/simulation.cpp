@@ -28,11 +28,11 @@ FrameTiming FrameClock::next() {
   FrameTiming timing;
   timing.sequence = sequence_++;
   const double taken = phase + timing.sequence / (sensor.rate_hz * rate);
-  const double readout = 0.0;  // the ticks are those of the instant, as drivers calibrate them
+  const double stamped = taken + sensor.stamp_late_s;
   timing.device_ticks =
-      ticks_at_start_ +
-      static_cast<std::uint64_t>(std::llround((taken + readout) * rate * kTicksPerSecond));
+      ticks_at_start_ + static_cast<std::uint64_t>(std::llround(stamped * rate * kTicksPerSecond));
   timing.instant = HostTime(from_seconds(taken));
+  timing.stamp = HostTime(from_seconds(stamped));
   const double chance = uniform(mixed(seed_, 2, timing.sequence));
   double delay = kTransport - 0.0004 * std::log(1 - chance);  // mostly prompt, sometimes not
   double loss = sensor.drop_rate;
@@ -45,7 +45,7 @@ FrameTiming FrameClock::next() {
     if (fault.kind == FaultKind::kLoss) loss = std::max(loss, fault.amount);
   }
   timing.lost = uniform(mixed(seed_, 3, timing.sequence)) < loss;
-  timing.arrival = timing.instant + from_seconds(delay);
+  timing.arrival = std::max(timing.instant + from_seconds(delay), timing.stamp);
   // Frames of one sensor do not overtake each other.
   timing.arrival = std::max(timing.arrival, last_arrival_ + std::chrono::microseconds(1));
   if (!timing.lost) last_arrival_ = timing.arrival;
@@ -80,7 +80,7 @@ void SimulatedDevice::next(FrameSlot& slot) {
   slot.sensor_index = static_cast<std::uint8_t>(sensor_);
   slot.sequence = upcoming_.sequence;
   slot.device_ticks = upcoming_.device_ticks;
-  slot.instant = upcoming_.instant;
+  slot.instant = upcoming_.stamp;
   slot.arrival = upcoming_.arrival;
   slot.damaged = false;
   WS_CHECK(slot.bytes.size() >= slot_bytes(), "slot of %zu bytes", slot.bytes.size());

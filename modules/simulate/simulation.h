@@ -24,6 +24,7 @@ struct FrameTiming {
   std::uint32_t sequence = 0;      // counts frames that were lost, too
   std::uint64_t device_ticks = 0;  // 60 MHz, by the sensor's drifting clock
   HostTime instant{};              // when the light was taken: the truth
+  HostTime stamp{};                // what a driver says of it: later by the sensor's stamp_late_s
   HostTime arrival{};              // when the host has the whole frame
   bool lost = false;               // never arrives
 };

@@ -143,6 +143,9 @@ void StereoModel::gather(World& world, HostTime instant) {
     }
     add(parts, static_cast<std::uint64_t>(item.owner));
   }
+  for (std::size_t ball = 0; ball < scene_->balls.size(); ++ball)
+    if (parts_.size() < kPartsMax)
+      parts_.push_back({world.ball_at(ball, instant), {Texture::kCloth, 0.45F, 17, 90}});
   constexpr std::uint64_t kDoors = 1000;  // no passenger's number
   for (std::size_t door = 0; door < scene_->doors.size(); ++door) {
     parts.clear();

@@ -99,6 +99,14 @@ double World::door_open_at(std::size_t door, HostTime instant) {
   return before + at.share * (after - before);
 }
 
+Part World::ball_at(std::size_t ball, HostTime instant) const {
+  const SceneBall& told = scene_.balls[ball];
+  Part part;
+  part.centre = told.centre_at(to_seconds(instant.time_since_epoch()));
+  part.half.setConstant(told.radius);
+  return part;
+}
+
 const StandingItems& World::items_at(HostTime instant) {
   return item_history_[reach(instant).before];
 }

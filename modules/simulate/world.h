@@ -33,6 +33,8 @@ class World {
   Pose pose_at(std::size_t passenger, HostTime instant);
   // How far the leaves of a door are open, 0..1.
   double door_open_at(std::size_t door, HostTime instant);
+  // A ball of the scene.
+  Part ball_at(std::size_t ball, HostTime instant) const;
   // Standing luggage at an instant; what was put down or taken within one tick is exact to it.
   const StandingItems& items_at(HostTime instant);
 

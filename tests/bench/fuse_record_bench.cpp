@@ -7,10 +7,10 @@
 
 #include "bench/benchmarks.h"
 #include "bench/heap_count.h"
+#include "bench/no_sink.h"
 #include "bench/scenes.h"
 #include "foreground/extractor.h"
 #include "fusion/fused_cloud.h"
-#include "recording/byte_sink.h"
 #include "recording/recording_writer.h"
 
 namespace wagonsight::bench {
@@ -61,19 +61,6 @@ void fuse(benchmark::State& state, const BenchScene& scene) {
   state.counters["points"] = static_cast<double>(points);
   state.counters["contributions"] = static_cast<double>(contributions);
 }
-
-// Takes bytes and forgets them: the encoder is measured, no disk.
-class NoSink final : public ByteSink {
- public:
-  Result<void> write(std::span<const std::byte> bytes) override {
-    bytes_ += bytes.size();
-    return {};
-  }
-  std::size_t bytes() const { return bytes_; }
-
- private:
-  std::size_t bytes_ = 0;
-};
 
 // A depth image into a recording: CDR, chunks, zstd, checksums.
 void record(benchmark::State& state, const BenchScene& scene) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -125,6 +126,25 @@ class Bench {
   FrameSetBuilder builder_;
   std::vector<Outcome> outcomes_;
 };
+
+// Stamps that are late by a known delay give the very sets of stamps that are not.
+TEST(FrameSetBuilder, TakesTheDelayOfTheStampsOff) {
+  const std::vector<Device> devices{{.rate_hz = 30, .jitter_ms = 1, .latency_ms = 50},
+                                    {.rate_hz = 30, .phase_ms = 9, .latency_ms = 50},
+                                    {.rate_hz = 14, .phase_ms = 21, .latency_ms = 50}};
+  const std::array<Duration, 3> delays{milliseconds(16), milliseconds(0), milliseconds(32)};
+  const auto sent = play(devices, 20);
+  auto stamped_late = sent;
+  for (Sent& frame : stamped_late) frame.instant += delays[frame.sensor_index];
+  FrameSetOptions options;
+  std::copy(delays.begin(), delays.end(), options.stamp_delays.begin());
+  Bench truth({30, 30, 14}), corrected({30, 30, 14}, options), raw({30, 30, 14});
+  truth.run(sent);
+  corrected.run(stamped_late);
+  raw.run(stamped_late);
+  EXPECT_EQ(truth.outcomes(), corrected.outcomes());
+  EXPECT_NE(truth.outcomes(), raw.outcomes());
+}
 
 // The people file of a replay has a line a frame, whatever the rate really was.
 TEST(FrameSetBuilder, GivesOneSetAFrameForASingleCameraOfAnyRate) {

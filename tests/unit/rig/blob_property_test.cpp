@@ -47,6 +47,7 @@ Rig any_rig() {
     s.trim_far = real_in(2.1, 10);
     s.rate_hz = real_in(1, 60);
     s.depth_offset = real_in(-0.1, 0.1);
+    if (*rc::gen::arbitrary<bool>()) s.stamp_delay = {real_in(0, 0.05), real_in(1e-5, 0.001)};
     for (int d = 0; d < 6; ++d) s.covariance(d, d) = real_in(0, 1e-3);
     s.covariance(0, 5) = s.covariance(5, 0) = real_in(-1e-4, 1e-4);
     rig.sensors.push_back(s);
@@ -66,7 +67,8 @@ RC_GTEST_PROP(BlobProperty, RoundTripKeepsEveryByte, ()) {
   if (!blob) RC_FAIL(blob.error().message);
   RC_ASSERT(blob->rig.sensors.size() == rig.sensors.size());
   for (std::size_t i = 0; i < rig.sensors.size(); ++i)
-    RC_ASSERT(blob->rig.sensors[i].has_pose == rig.sensors[i].has_pose);
+    RC_ASSERT(blob->rig.sensors[i].has_pose == rig.sensors[i].has_pose &&
+              blob->rig.sensors[i].stamp_delay.delay_s == rig.sensors[i].stamp_delay.delay_s);
   RC_ASSERT(pack_blob(blob->rig) == bytes);
 }
 
