@@ -34,7 +34,8 @@ std::uint32_t swapped(std::uint32_t x) {
 
 template <class T>
 T* at(std::uint64_t address) {
-  return reinterpret_cast<T*>(static_cast<std::uintptr_t>(address));
+  static_assert(sizeof(T*) == sizeof address);
+  return std::bit_cast<T*>(address);
 }
 
 double share_of(std::int64_t cycle) {  // 0 .. 1, the same in every run

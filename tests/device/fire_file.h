@@ -19,6 +19,8 @@ class FireFile final : public EmulatedFile {
  public:
   explicit FireFile(std::shared_ptr<FireBuses::Node> node);
   ~FireFile() override;
+  FireFile(const FireFile&) = delete;
+  FireFile& operator=(const FireFile&) = delete;
 
   int ioctl(unsigned long request, void* argument) override;
   short events() override;

@@ -1,7 +1,8 @@
 #include "iidc_bench.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdio>
-#include <cstring>
 
 namespace wagonsight::device {
 namespace {
@@ -83,9 +84,10 @@ std::vector<DeviceBench::SentFrame> IidcBench::sent_frames(std::size_t unit) con
 Nanoseconds IidcBench::light_of(std::size_t unit, std::uint32_t number) const {
   const std::lock_guard hold(VirtualTime::instance().mutex());
   const auto& sent = units_[unit]->sent();
-  for (auto frame = sent.rbegin(); frame != sent.rend(); ++frame)
-    if (frame->number == number) return frame->light;
-  return 0;
+  const auto found = std::find_if(sent.rbegin(), sent.rend(), [&](const IidcUnit::Sent& frame) {
+    return frame.number == number;
+  });
+  return found == sent.rend() ? 0 : found->light;
 }
 
 }  // namespace wagonsight::device

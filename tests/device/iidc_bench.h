@@ -18,6 +18,8 @@ class IidcBench final : public DeviceBench {
       std::function<void(std::size_t unit, IidcUnit::Options& options, IidcOptions& sensor)>;
   explicit IidcBench(std::size_t count, const Change& change = {});
   ~IidcBench() override;
+  IidcBench(const IidcBench&) = delete;
+  IidcBench& operator=(const IidcBench&) = delete;
 
   // Changes faults while everything is still.
   IidcFaults& faults(std::size_t unit) { return units_[unit]->faults; }

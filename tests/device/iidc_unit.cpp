@@ -305,9 +305,10 @@ FireDevice::Packet IidcUnit::damage(std::int64_t cycle, Packet packet,
 
 const IidcUnit::Sent* IidcUnit::frame_of_ticks(std::uint64_t ticks) const {
   const auto cycle = static_cast<std::int64_t>(ticks / 3072) % kCyclesOfTimer;
-  for (auto frame = sent_.rbegin(); frame != sent_.rend(); ++frame)
-    if (frame->first_cycle % kCyclesOfTimer == cycle) return &*frame;
-  return nullptr;
+  const auto found = std::find_if(sent_.rbegin(), sent_.rend(), [&](const Sent& frame) {
+    return frame.first_cycle % kCyclesOfTimer == cycle;
+  });
+  return found == sent_.rend() ? nullptr : &*found;
 }
 
 void paint_stereo_pattern(unsigned unit, std::uint32_t number, std::span<std::uint16_t> gray) {

@@ -20,6 +20,8 @@ class KinectBench final : public DeviceBench {
       std::function<void(std::size_t unit, std::uint32_t number, std::span<std::uint16_t> raw)>;
   explicit KinectBench(std::size_t count, const Change& change = {}, Picture picture = {});
   ~KinectBench() override;
+  KinectBench(const KinectBench&) = delete;
+  KinectBench& operator=(const KinectBench&) = delete;
 
   // Changes faults while everything is still.
   KinectFaults& faults(std::size_t unit) { return units_[unit]->faults; }
