@@ -153,8 +153,8 @@ class Campaign:
     # --- kills ----------------------------------------------------------------------------------
 
     def kills(self, count):
-        """The note of past crashes is taken away between the kills: four within three minutes lead to the safe mode, which
-        is the last thing tried."""
+        """The note of past crashes is taken away after every third kill, so that the next one is not told of: four within three
+        minutes lead to the safe mode, which is the last thing tried."""
         copy(self.drilled, self.disk)
         back, ready = [], []
         with self.machine(drill=True, counted=self.counted) as unit:
@@ -166,9 +166,11 @@ class Campaign:
                     continue
                 back.append(int(told.split()[-2]) / 1000)
                 self.failures.check(back[-1] <= BACK_S, f"kill {number}: back after {back[-1]:.2f} s")
-                said = unit.get("/api/v1/health", 60)[1]
-                self.failures.check("after a crash" in said, f"kill {number}: health does not tell of it: {said[:200]}")
-                unit.order("forget")
+                if number % 3 != 0 or number == 0:
+                    said = unit.get("/api/v1/health", 60)[1]
+                    self.failures.check("after a crash" in said, f"kill {number}: health does not tell of it: {said}")
+                if number % 3 == 2:
+                    unit.order("forget")
                 if self.random.random() < 0.5:  # half of the kills hit a unit that is still starting
                     told = unit.order("ready", READY_S)
                     if self.failures.check("ready after" in told, f"kill {number}: {told}"):
