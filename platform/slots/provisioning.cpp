@@ -145,7 +145,10 @@ Result<void> UnitData::take_folder(const std::string& source, const std::string&
   const std::string prepared = path("unit.new");
   if (auto made = make_empty_folder(prepared); !made) return made;
   for (const std::string& file : *names)
-    if (auto copied = copy_file(source + "/" + file, prepared + "/" + file); !copied) return copied;
+    if (auto copied =
+            copy_file(fmt::format("{}/{}", source, file), fmt::format("{}/{}", prepared, file));
+        !copied)
+      return copied;
   if (auto checked = check_sums(prepared); !checked) return checked;
   if (auto sealed = check_and_seal(prepared); !sealed) return sealed;
   // The name first: with it alone the unit is not provisioned, and it stays the same next time.

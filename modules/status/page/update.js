@@ -6,7 +6,7 @@
   const WORDS = { nothing: 'up to date', receiving: 'receiving', installing: 'installing', restart_needed: 'restart needed' };
   const $ = (id) => document.getElementById(id);
   const wait = (s) => new Promise((done) => setTimeout(done, 1000 * s));
-  let busy = false;
+  let busy = false, absent = false;
 
   async function ask(method, path, body) {
     const answer = await fetch(path, { method, body, cache: 'no-store' });
@@ -30,7 +30,7 @@
     const session = await ask('GET', '/api/v1/session');
     if (session.scope !== 'admin') { $('update').hidden = true; return; }
     try { show(await ask('GET', '/api/v1/update')); }
-    catch (error) { if (error.status === 501) $('update').hidden = true; }
+    catch (error) { absent = error.status === 501; if (absent) $('update').hidden = true; }
   }
 
   // The unit knows a bundle by its signature, and how much of it it has.
@@ -76,6 +76,6 @@
     if (confirm('At its next start the unit forgets everything but its name and calibration, its settings and tokens included. Go on?'))
       show(await ask('POST', '/api/v1/factory-reset'));
   }));
-  setInterval(() => { if (!busy && !document.hidden) look().catch(() => {}); }, 2000);
+  setInterval(() => { if (!busy && !absent && !document.hidden) look().catch(() => {}); }, 2000);
   look().catch(() => {});
 })();
