@@ -179,10 +179,10 @@ class Campaign:
                 say(f"kills: {len(back)}; by the unit's own clock the page was back after {sorted(back)[len(back) // 2]:.2f} s (median), "
                     f"{max(back):.2f} s (longest); "
                     f"ready after {max(ready, default=0):.1f} s (longest of {len(ready)})")
-            for _ in range(4):
+            for _ in range(5):  # the first may not be noted
                 unit.order("kill 1000", READY_S)
             safe = unit.wait("/api/v1/health", 60, lambda status, text: "safe_mode" in text)
-            self.failures.check(safe is not None, "four crashes in a row did not lead to the safe mode")
+            self.failures.check(safe is not None, "five crashes in a row did not lead to the safe mode")
 
     # --- cuts -----------------------------------------------------------------------------------
 
