@@ -49,7 +49,7 @@ std::span<const PixelRect> TileRegions::cover(std::span<std::uint8_t> marked) {
   regions_.clear();
   for (int row = 0; row < rows_; ++row)
     for (int column = 0; column < columns_; ++column) {
-      const std::uint8_t* tiles = &marked[static_cast<std::size_t>(row * columns_)];
+      const std::uint8_t* tiles = marked.data() + row * columns_;
       if (tiles[column] != 1) continue;
       int end = column + 1;
       while (end < columns_ && tiles[end] == 1) ++end;
@@ -88,8 +88,7 @@ bool TileRegions::take_run(const PixelRect& run, std::span<std::uint8_t> marked)
   } else if (!regions_.try_push_back(run)) {
     return false;
   }
-  for (int column = taken.x0; column < taken.x1; ++column)
-    marked[static_cast<std::size_t>(run.y0 * columns_ + column)] = kCovered;
+  std::fill_n(marked.data() + run.y0 * columns_ + taken.x0, taken.x1 - taken.x0, kCovered);
   return true;
 }
 

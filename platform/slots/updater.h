@@ -47,7 +47,8 @@ class Updater {
   // ---- what the scripts of the image ask for
   // The slot that runs is good: takes its counter and raises the rollback index.
   Result<void> mark_good();
-  // The slot that runs has not proved itself, and the other one has: there is a better one to go to.
+  // The slot that runs has not proved itself, and the other one has: there is a better one to go
+  // to.
   Result<bool> is_on_trial() const;
   // Takes the whole bundle from a file, without a stage.
   Result<std::string> take_file(const std::string& path);

@@ -60,13 +60,17 @@ TEST(TileRegions, CoverAllThatIsMarkedOnceAtNoMoreThanTheCostOfOneBox) {
   };
   for (int round = 0; round < 300; ++round) {
     const int columns = between(1, 40), rows = between(1, 30);
-    Marks marks(static_cast<std::size_t>(columns * rows), 0);
+    Marks marks(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), 0);
+    const auto tile_at = [&](int x, int y) {
+      return static_cast<std::size_t>(y) * static_cast<std::size_t>(columns) +
+             static_cast<std::size_t>(x);
+    };
     PixelRect box{columns, rows, 0, 0};
     for (int k = between(1, 6); k > 0; --k) {
       const int x0 = between(0, columns - 1), y0 = between(0, rows - 1);
       const int x1 = between(x0 + 1, columns), y1 = between(y0 + 1, rows);
       for (int y = y0; y < y1; ++y)
-        for (int x = x0; x < x1; ++x) marks[static_cast<std::size_t>(y * columns + x)] = 1;
+        for (int x = x0; x < x1; ++x) marks[tile_at(x, y)] = 1;
       box = {std::min(box.x0, x0), std::min(box.y0, y0), std::max(box.x1, x1),
              std::max(box.y1, y1)};
     }
@@ -76,7 +80,7 @@ TEST(TileRegions, CoverAllThatIsMarkedOnceAtNoMoreThanTheCostOfOneBox) {
     for (const PixelRect& r : regions.cover(marks)) {
       ASSERT_TRUE(r.x0 >= 0 && r.y0 >= 0 && r.x1 <= columns && r.y1 <= rows && !r.empty());
       for (int y = r.y0; y < r.y1; ++y)
-        for (int x = r.x0; x < r.x1; ++x) ++covered[static_cast<std::size_t>(y * columns + x)];
+        for (int x = r.x0; x < r.x1; ++x) ++covered[tile_at(x, y)];
     }
     for (std::size_t tile = 0; tile < wanted.size(); ++tile) {
       ASSERT_LE(covered[tile], 1) << round;
