@@ -16,11 +16,13 @@ namespace wagonsight {
 namespace {
 
 constexpr timeval kTimeout{2, 0};
+constexpr timeval kUnitTimeout{10, 0};  // a block may have to wait for the unit's disk
 constexpr std::size_t kAnswerMax = std::size_t{4} << 20;
 
 class Connection {
  public:
-  Connection() : descriptor_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {}
+  explicit Connection(const timeval& patience)
+      : descriptor_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)), patience_(patience) {}
   ~Connection() {
     if (descriptor_ >= 0) ::close(descriptor_);
   }
@@ -29,8 +31,8 @@ class Connection {
 
   bool open(std::uint32_t host, std::uint16_t port) {
     if (descriptor_ < 0) return false;
-    ::setsockopt(descriptor_, SOL_SOCKET, SO_RCVTIMEO, &kTimeout, sizeof kTimeout);
-    ::setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &kTimeout, sizeof kTimeout);
+    ::setsockopt(descriptor_, SOL_SOCKET, SO_RCVTIMEO, &patience_, sizeof patience_);
+    ::setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &patience_, sizeof patience_);
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(port);
@@ -59,13 +61,14 @@ class Connection {
 
  private:
   int descriptor_;
+  timeval patience_;
 };
 
 }  // namespace
 
 Result<std::string> get_from_loopback(std::uint16_t port, const std::string& path) {
   const std::string where = fmt::format("127.0.0.1:{}", port);
-  Connection connection;
+  Connection connection(kTimeout);
   if (!connection.open(htonl(INADDR_LOOPBACK), port))
     return fail(
         fmt::format("no wagonsightd answers at {} ({}); start it, give its --port, or give "
@@ -110,7 +113,7 @@ Result<UnitAddress> parse_unit_address(std::string_view text) {
 Result<UnitAnswer> unit_request(const UnitAddress& to, std::string_view method,
                                 std::string_view path, std::string_view token,
                                 std::span<const std::byte> body) {
-  Connection connection;
+  Connection connection(kUnitTimeout);
   if (!connection.open(to.host, to.port))
     return fail(fmt::format("no unit answers at {} ({}); check its power and the network", to.text,
                             std::strerror(errno)));

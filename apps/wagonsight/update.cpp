@@ -35,6 +35,7 @@ class UnitLink {
 
   Result<Json> ask(const std::string& method, const std::string& path,
                    std::span<const std::byte> body = {}) {
+    status_ = 0;
     const auto answer = unit_request(address_, method, path, token_, body);
     if (!answer) return tl::unexpected(answer.error());
     status_ = answer->status;
@@ -46,6 +47,8 @@ class UnitLink {
     if (told.contains("error")) return fail(told["error"].get<std::string>());
     return told;
   }
+  // The connection was lost, or the unit was busy for once.
+  bool worth_another_try() const { return status_ == 0 || status_ == 503; }
 
  private:
   UnitAddress address_;
@@ -54,7 +57,9 @@ class UnitLink {
 };
 
 // From where the unit wants it: after a lost connection, or somebody's earlier try, it goes on.
-Result<std::uint64_t> where_to_begin(UnitLink& link, std::span<const std::byte> bytes) {
+// `sent_bytes` may have come although no answer said so: what it has no longer to receive, it has.
+Result<std::uint64_t> where_to_begin(UnitLink& link, std::span<const std::byte> bytes,
+                                     std::uint64_t sent_bytes) {
   const auto now = link.ask("GET", "/api/v1/update");
   if (!now) return tl::unexpected(now.error());
   const bool has_head = bytes.size() >= kBundleHeaderBytes;
@@ -63,11 +68,11 @@ Result<std::uint64_t> where_to_begin(UnitLink& link, std::span<const std::byte> 
                : std::string();
   if (now->value("state", "") == "receiving" && has_head && now->value("signature", "") == own)
     return now->value("received_bytes", std::uint64_t{0});
-  return 0;
+  return sent_bytes == bytes.size() ? sent_bytes : 0;
 }
 
 Result<void> send_all(UnitLink& link, std::span<const std::byte> bytes) {
-  auto begin = where_to_begin(link, bytes);
+  auto begin = where_to_begin(link, bytes, 0);
   if (!begin) return tl::unexpected(begin.error());
   Progress progress("bytes", bytes.size());
   int tries = 0;
@@ -77,14 +82,18 @@ Result<void> send_all(UnitLink& link, std::span<const std::byte> bytes) {
                                bytes.subspan(at, size));
     if (!told) {
       // The connection may come back, and then the unit knows how much it has.
-      if (++tries == kTriesMax || !told.error().message.starts_with("no "))
-        return tl::unexpected(told.error());
+      if (++tries == kTriesMax || !link.worth_another_try()) return tl::unexpected(told.error());
       std::this_thread::sleep_for(kPause);
-      if (begin = where_to_begin(link, bytes); begin) at = *begin;
+      if (begin = where_to_begin(link, bytes, at + size); begin) at = *begin;
       continue;
     }
-    tries = 0;
-    at += size;
+    const bool is_receiving = told->value("state", "") == "receiving";
+    const std::uint64_t next = is_receiving ? told->value("received_bytes", at + size) : at + size;
+    if (next > at)
+      tries = 0;
+    else if (++tries == kTriesMax)
+      return fail("the unit wants another bundle's bytes; is somebody else updating it?");
+    at = next;
     progress.update(at);
   }
   return {};

@@ -13,7 +13,8 @@
 namespace wagonsight {
 namespace {
 
-constexpr timeval kPatience{1, 0};
+// A disk may take long, but the daemon ends a web side that is silent for three seconds.
+constexpr timeval kPatience{2, 0};
 constexpr const char* kLost =
     "{\"error\":\"The updater does not answer just now; try again in a few seconds.\"}\n";
 

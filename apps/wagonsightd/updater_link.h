@@ -18,7 +18,7 @@ class UpdaterLink {
     int status = 200;
     std::string json;
   };
-  // Waits for a second at most. Nothing: there is no updater.
+  // Waits for two seconds at most. Nothing: there is no updater.
   std::optional<Told> ask(const UpdaterCall& call, std::string_view block);
 
   // There was one, and it went or did not answer in time, so that answers would no longer fit.

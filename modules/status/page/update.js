@@ -34,25 +34,26 @@
   }
 
   // The unit knows a bundle by its signature, and how much of it it has.
-  async function whereToBegin(file) {
+  async function whereToBegin(file, sent) {
     const head = new Uint8Array(await file.slice(SIGNATURE_AT, SIGNATURE_AT + SIGNATURE_BYTES).arrayBuffer());
     const own = Array.from(head, (byte) => byte.toString(16).padStart(2, '0')).join('');
     const now = await ask('GET', '/api/v1/update');
-    return now.state === 'receiving' && now.signature === own ? now.received_bytes : 0;
+    return now.state === 'receiving' && now.signature === own ? now.received_bytes : sent === file.size ? sent : 0;
   }
   async function send(file) {
     let tries = 0;
-    for (let at = await whereToBegin(file); at < file.size;) {
+    for (let at = await whereToBegin(file, 0); at < file.size;) {
+      const block = file.slice(at, at + BLOCK_BYTES);
       try {
-        const block = file.slice(at, at + BLOCK_BYTES);
-        show(await ask('POST', `/api/v1/update?at=${at}&of=${file.size}`, block));
-        at += block.size;
+        const now = await ask('POST', `/api/v1/update?at=${at}&of=${file.size}`, block);
+        show(now);
+        at = now.state === 'receiving' ? now.received_bytes : at + block.size;
         tries = 0;
       } catch (error) {
         // What the unit refuses stays refused; a lost connection is tried again.
         if ((error.status && error.status !== 503) || tries === PAUSES_S.length) throw error;
         await wait(PAUSES_S[tries++]);
-        at = await whereToBegin(file);
+        at = await whereToBegin(file, at + block.size);
       }
     }
   }

@@ -70,7 +70,7 @@ TEST_F(Link, ThatBrokeIsToldAndNotWaitedForAgain) {
   EXPECT_TRUE(link.is_lost());
 }
 
-TEST_F(Link, ThatIsSilentIsLostAfterASecond) {
+TEST_F(Link, ThatIsSilentIsLostAfterAWhile) {
   UpdaterLink link(ends_[0]);
   EXPECT_EQ(link.ask({}, "")->status, 503);
   EXPECT_TRUE(link.is_lost());
