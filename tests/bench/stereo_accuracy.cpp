@@ -238,7 +238,7 @@ void judge_sigmas(const TruthPair& pair, MatcherMode mode) {
       const int found = disparity.at<std::int16_t>(y, x), stated = sigma.at<uchar>(y, x);
       if (found < 0 || !(pair.truth.at<float>(y, x) > 0) || pair.seen_by_both.at<uchar>(y, x) == 0)
         continue;
-      const double error = std::fabs(found - kDisparityScale * pair.truth.at<float>(y, x));
+      const double error = std::fabs(found - double{pair.truth.at<float>(y, x)} * kDisparityScale);
       const auto bin = static_cast<std::size_t>(
           std::upper_bound(std::begin(kEnds), std::end(kEnds) - 1, stated) - std::begin(kEnds));
       ++count[bin], ++all;
