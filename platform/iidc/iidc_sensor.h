@@ -10,7 +10,7 @@ namespace wagonsight {
 enum class IidcTrigger {
   kFree,      // the camera's own rate
   kExternal,  // a pulse at its input
-  kSoftware,  // a write that reaches all cameras of a bus at once
+  kSoftware,  // a write that reaches all cameras of a bus at once (trigger_line.h)
 };
 
 struct IidcOptions {

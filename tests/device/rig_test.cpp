@@ -2,10 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <thread>
+#include <vector>
 
 #include "capture/frame_set_builder.h"
+#include "iidc/trigger_line.h"
 #include "iidc_bench.h"
 #include "kinect_bench.h"
 #include "linux/clocks.h"
@@ -24,10 +29,11 @@ std::size_t framesets_wanted() {
 
 class Rig {
  public:
-  Rig()
+  explicit Rig(IidcTrigger trigger = IidcTrigger::kFree)
       : pool_(64, IidcUnit::kBytes),
-        stereos_(kStereos, [](std::size_t, IidcUnit::Options&, IidcOptions& sensor) {
+        stereos_(kStereos, [trigger](std::size_t, IidcUnit::Options&, IidcOptions& sensor) {
           sensor.sensor_index = static_cast<std::uint8_t>(sensor.sensor_index + kKinects);
+          sensor.trigger = trigger;
         }) {
     const auto take = [this](DeviceBench& bench) {
       return [this, &bench](FrameSlot* slot) {
@@ -114,6 +120,91 @@ TEST(TenSensors, RunAtFullRateWithEveryPixelAsItWasSent) {
   }
   std::printf("%llu FrameSets, %.0f million pixels checked\n",
               static_cast<unsigned long long>(sets), pixels * 1e-6);
+}
+
+// Gives the pulses in a thread of its own, as the daemon does.
+class PulseThread {
+ public:
+  explicit PulseThread(PulseSource& pulses) : pulses_(pulses) {
+    std::atomic<bool> acts{false};
+    thread_ = std::thread([this, &acts] {
+      const VirtualTime::Actor actor;
+      acts = true;
+      const HeapSeal seal;
+      while (!stop_) pulses_.poll(std::chrono::milliseconds(20));
+    });
+    while (!acts) std::this_thread::yield();
+  }
+  ~PulseThread() {
+    stop_ = true;
+    const VirtualTime::Absence away;
+    thread_.join();
+  }
+  PulseThread(const PulseThread&) = delete;
+  PulseThread& operator=(const PulseThread&) = delete;
+
+ private:
+  PulseSource& pulses_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+double share(std::vector<double>& values, double part) {
+  std::sort(values.begin(), values.end());
+  return values.empty()
+             ? 1e9
+             : values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
+}
+
+// The time between the first and the last light of one pulse, over three buses, and how far the
+// light lies from the ticks, which the Kinects make.
+TEST(TenSensors, AreTriggeredAtOnceAtTheKinectsMidPhase) {
+  set_sealed_heap_rule(SealedHeapRule::kAbort);
+  Rig rig(IidcTrigger::kSoftware);
+  TriggerLineOptions options;
+  for (std::uint64_t i = 0; i < kStereos; ++i) options.guids.push_back(0x00b09d0100a00000 + i);
+  options.plan.lead = std::chrono::milliseconds(1);  // half the shutter
+  TriggerLine line(options);
+  const PulseThread thread(line);
+  std::vector<double> spread_ms;
+  std::vector<double> from_tick_ms;
+  std::uint64_t sets = 0;
+  const auto visit = [&](const FrameSet& set, bool is_judged) {
+    if (set.sensors[0].state == FrameState::kPresent) line.observe(set.instant);
+    if (!is_judged) return;
+    ++sets;
+    double low = 1e9;
+    double high = -1e9;
+    std::size_t count = 0;
+    for (std::size_t i = kKinects; i < kKinects + kStereos; ++i) {
+      if (set.sensors[i].state != FrameState::kPresent) continue;
+      const double skew = to_milliseconds(set.sensors[i].skew);
+      low = std::min(low, skew);
+      high = std::max(high, skew);
+      from_tick_ms.push_back(std::abs(skew));
+      ++count;
+    }
+    if (count == kStereos) spread_ms.push_back(high - low);
+  };
+  rig.run(6.0, [&](const FrameSet& set) { visit(set, false); });
+  rig.run(6.0, [&](const FrameSet& set) { visit(set, true); });
+  const double rate = 30.0 * static_cast<double>(spread_ms.size()) / static_cast<double>(sets);
+  const double spread = share(spread_ms, 0.99);
+  const double from_tick = share(from_tick_ms, 0.99);
+  std::printf(
+      "six triggered cameras: %.1f Hz, p99 of the skew between them %.3f ms, p99 from the "
+      "Kinects' mid-phase %.3f ms\n",
+      rate, spread, from_tick);
+  EXPECT_LE(spread, 1.0);
+  EXPECT_LE(from_tick, 2.0);
+  EXPECT_GE(rate, 9.5);  // every third tick
+  EXPECT_EQ(line.counters().failed, 0U);
+  EXPECT_EQ(line.counters().opened, 3U);
+  for (std::size_t i = 0; i < kStereos; ++i) {
+    EXPECT_EQ(rig.stereos().unit(i).triggers_missed(), 0U) << i;
+    EXPECT_EQ(rig.stereos().log(i).wrong_pixels, 0U) << i;
+    EXPECT_EQ(rig.stereos().balance(i).missing, 0U) << i;
+  }
 }
 
 }  // namespace
