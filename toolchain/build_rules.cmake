@@ -55,9 +55,10 @@ function(wagonsight_program name)
 endfunction()
 
 # wagonsight_test(NAME SOURCES ... DEPENDS ... LINKS ...): one GoogleTest program, found by CTest.
-# LABELS threaded marks what the thread sanitizer run repeats. SERIAL: its tests share a file, so that
-# no two of them run at a time.
+# LABELS threaded marks what the thread sanitizer run repeats; live, scenario and release_only what the
+# address sanitizer run leaves out. SERIAL: its tests share a file, so that no two of them run at a time.
 add_custom_target(threaded_tests)
+add_custom_target(sanitized_tests)
 function(wagonsight_test name)
   cmake_parse_arguments(arg "SERIAL" "" "SOURCES;DEPENDS;LINKS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
@@ -73,6 +74,9 @@ function(wagonsight_test name)
   endif()
   if("threaded" IN_LIST labels)
     add_dependencies(threaded_tests ${name})
+  endif()
+  if(NOT labels MATCHES "live|scenario|release_only")
+    add_dependencies(sanitized_tests ${name})
   endif()
   set(alone "")
   if(arg_SERIAL)
@@ -123,5 +127,6 @@ function(wagonsight_fuzz name)
     add_test(NAME fuzz.${name} COMMAND ${name} ${corpus})
   endif()
   add_dependencies(fuzz_targets ${name})
+  add_dependencies(sanitized_tests ${name})
   set_tests_properties(fuzz.${name} PROPERTIES LABELS fuzz TIMEOUT 300)
 endfunction()
