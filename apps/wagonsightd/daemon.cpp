@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "depot_recorder.h"
+#include "devices.h"
 #include "drift_watch.h"
 #include "frame_source.h"
 #include "http/server.h"
@@ -17,6 +18,7 @@
 #include "linux/stop_signals.h"
 #include "linux/threads.h"
 #include "publisher.h"
+#include "pulse_thread.h"
 #include "safe_mode.h"
 #include "shared_block.h"
 #include "thermal_watch.h"
@@ -78,6 +80,7 @@ class Daemon {
                unit_->blob_sha256),
         tracking_(std::move(unit_->pipeline), std::move(unit_->workers), unit_->rig, pool_, bell_,
                   start),
+        pulses_(open_trigger(unit_->settings.sensors), [this] { return tracking_.last_tick(); }),
         thermal_(unit_->settings.thermal,
                  [this](Severity severity, std::string_view text) { log_.say(severity, text); }),
         publisher_(*unit_, shared_.block(), log_, start),
@@ -91,6 +94,7 @@ class Daemon {
           std::make_unique<SourceThread>(std::move(source), pool_, bell_, &recorder_));
   }
   ~Daemon() {
+    pulses_.stop();
     tracking_.stop();
     drift_.stop();
     for (auto& source : sources_) source->stop();
@@ -111,6 +115,7 @@ class Daemon {
     }
     drift_.start();
     tracking_.start(std::move(sources), &drift_);
+    pulses_.start();
     open_vehicle();
     if (unit_->settings.recording.at_start) record(unit_->settings.recording.minutes);
     publish();
@@ -226,6 +231,7 @@ class Daemon {
   std::vector<std::unique_ptr<SourceThread>> sources_;
   DriftWatch drift_;
   Tracking tracking_;
+  PulseThread pulses_;
   ThermalWatch thermal_;
   Publisher publisher_;
   ListeningSocket listening_;

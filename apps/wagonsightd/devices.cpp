@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include "iidc/fire_nodes.h"
 #include "iidc/iidc_sensor.h"
+#include "iidc/trigger_line.h"
 #include "kinect/depth_assembly.h"
 #include "kinect/kinect_sensor.h"
 
@@ -11,6 +13,11 @@ namespace {
 
 const char* kind_of(SensorKind kind) {
   return kind == SensorKind::kKinect ? "Kinect" : "stereo pair";
+}
+
+IidcTrigger trigger_of(const SensorSettings& settings) {
+  if (settings.trigger == "external") return IidcTrigger::kExternal;
+  return settings.trigger == "together" ? IidcTrigger::kSoftware : IidcTrigger::kFree;
 }
 
 }  // namespace
@@ -34,8 +41,19 @@ Result<std::unique_ptr<Sensor>> open_device(const SensorSettings& settings,
   options.device = settings.device;
   options.width = camera.width;
   options.height = camera.height;
-  options.trigger = settings.trigger == "external" ? IidcTrigger::kExternal : IidcTrigger::kFree;
+  options.trigger = trigger_of(settings);
   return std::make_unique<IidcSensor>(std::move(options));
+}
+
+std::unique_ptr<PulseSource> open_trigger(const std::vector<SensorSettings>& sensors) {
+  TriggerLineOptions options;
+  options.plan.lead = std::chrono::milliseconds(1);  // half the shutter that cameras begin with
+  for (const SensorSettings& sensor : sensors)
+    if (sensor.source == SensorSource::kDevice && sensor.kind == "stereo" &&
+        trigger_of(sensor) == IidcTrigger::kSoftware)
+      options.guids.push_back(parse_guid(sensor.device));
+  if (options.guids.empty()) return nullptr;
+  return std::make_unique<TriggerLine>(std::move(options));
 }
 
 }  // namespace wagonsight

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "capture/sensor.h"
+#include "capture/trigger_plan.h"
 #include "rig/rig.h"
 #include "settings/settings.h"
 
@@ -13,5 +15,8 @@ namespace wagonsight {
 // cannot be what was calibrated, or this build drives none.
 Result<std::unique_ptr<Sensor>> open_device(const SensorSettings& settings,
                                             const RigSensor& calibrated);
+
+// What triggers the devices that are to be triggered together; nullptr: there are none.
+std::unique_ptr<PulseSource> open_trigger(const std::vector<SensorSettings>& sensors);
 
 }  // namespace wagonsight

@@ -12,4 +12,8 @@ Result<std::unique_ptr<Sensor>> open_device(const SensorSettings& settings,
                   settings.name.view()));
 }
 
+std::unique_ptr<PulseSource> open_trigger(const std::vector<SensorSettings>& /*sensors*/) {
+  return nullptr;
+}
+
 }  // namespace wagonsight

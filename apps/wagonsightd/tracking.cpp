@@ -49,6 +49,8 @@ Tracking::Tracking(std::unique_ptr<Pipeline> pipeline, std::unique_ptr<Workers> 
       now_(std::make_unique<TrackingReport>()),
       shared_(std::make_unique<Seqlock<TrackingReport>>()) {
   pipeline_->set_ticker(host_ticks);
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i)
+    is_kinect_[i] = rig.sensors[i].kind == SensorKind::kKinect;
 }
 
 Tracking::~Tracking() {
@@ -78,6 +80,7 @@ void Tracking::run() {
     take_frames();
     // A computer that does not keep up always has a next instant; it must stop nevertheless.
     while (!stop_.load(std::memory_order_acquire) && builder_.next(host_now(), set)) {
+      note_tick(set);
       if (host_now() - set.instant > kBacklogMax) {
         ++now_->framesets_dropped;
       } else if (is_spared(set)) {
@@ -87,6 +90,15 @@ void Tracking::run() {
       }
       take_frames();
     }
+  }
+}
+
+// The cameras that are triggered follow the ticks that others make.
+void Tracking::note_tick(const FrameSet& set) {
+  for (std::size_t i = 0; i < sensor_count_; ++i) {
+    if (!is_kinect_[i] || set.sensors[i].state != FrameState::kPresent) continue;
+    last_tick_.store(set.instant.time_since_epoch().count(), std::memory_order_relaxed);
+    return;
   }
 }
 

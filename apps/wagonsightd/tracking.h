@@ -70,6 +70,10 @@ class Tracking {
   // From now on at most so many instants a second are worked on, to spare the computer; 0: all. Any
   // thread.
   void set_rate_limit(double hz) { rate_limit_hz_.store(hz, std::memory_order_relaxed); }
+  // The instant of the newest FrameSet to which a Kinect gave a frame; zero before the first.
+  HostTime last_tick() const {
+    return HostTime(Duration(last_tick_.load(std::memory_order_relaxed)));
+  }
   // Rises many times a second while the thread is not stuck, with or without frames.
   std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
   // So do the workers'.
@@ -78,6 +82,7 @@ class Tracking {
  private:
   void run();
   void take_frames();
+  void note_tick(const FrameSet& set);
   bool is_spared(const FrameSet& set) const;
   void process(const FrameSet& set);
   void tell(const FrameSet& set);
@@ -107,6 +112,8 @@ class Tracking {
   std::uint64_t faults_at_start_ = 0;
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> turns_{0};
+  std::array<bool, kSensorsMax> is_kinect_{};
+  std::atomic<std::int64_t> last_tick_{0};
   std::thread thread_;
 };
 

@@ -93,7 +93,7 @@ SensorSettings read_sensor(TableReader& reader, std::string_view file_name) {
     reader.require("device", "the serial number or the place that `wagonsight devices` tells");
   else if (reader.has("device"))
     reader.refuse("device", "belongs to source = \"device\"");
-  reader.choice("trigger", sensor.trigger, {"free", "external"});
+  reader.choice("trigger", sensor.trigger, {"free", "external", "together"});
   if (reader.has("trigger") && (source != "device" || sensor.kind != "stereo"))
     reader.refuse("trigger", "belongs to kind = \"stereo\" with source = \"device\"");
   sensor.file = resolved(sensor.file, file_name);

@@ -55,10 +55,12 @@ struct SensorSettings {
   Name name;                    // as in the calibration blob
   std::string kind = "kinect";  // or "stereo"
   SensorSource source = SensorSource::kRecording;
-  std::string file;              // of the recording; otherwise empty
-  bool loop = false;             // the recording begins anew at its end
-  std::string device;            // a Kinect's serial number or place ("3-1.2"), a camera's GUID
-  std::string trigger = "free";  // of a stereo device; or "external": a pulse at its input
+  std::string file;    // of the recording; otherwise empty
+  bool loop = false;   // the recording begins anew at its end
+  std::string device;  // a Kinect's serial number or place ("3-1.2"), a camera's GUID
+  // Of a stereo device: at its own pace, by a pulse at its input ("external"), or all of them at
+  // one instant, in the middle of what the Kinects see ("together").
+  std::string trigger = "free";
   std::optional<std::array<double, 2>> trim_m;  // near, far; instead of the blob's
 };
 

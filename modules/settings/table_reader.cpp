@@ -222,7 +222,9 @@ bool TableReader::choice(std::string_view key, std::string& out,
     out = **value;
     return true;
   }
-  refuse(key, fmt::format("must be \"{}\"", fmt::join(allowed, "\" or \"")));
+  refuse(key, fmt::format("must be \"{}\" or \"{}\"",
+                          fmt::join(allowed.begin(), allowed.end() - 1, "\", \""),
+                          *(allowed.end() - 1)));
   return false;
 }
 

@@ -269,6 +269,31 @@ TEST_F(DaemonWithoutItsKinect, WatchesWithTheOthersAndSaysWhatIsMissing) {
   EXPECT_EQ(snapshot_->allocations_sealed, 0U);
 }
 
+// The stereo camera that is not there is to be triggered together with others.
+class DaemonWithoutItsCamera : public Daemon {
+  std::string settings() override {
+    const std::string scene =
+        testing::TempDir() + "wagonsightd_camera_" + std::to_string(getpid()) + ".toml";
+    std::ofstream(scene) << read_text(kEmptyWagon)
+                         << read_text(WAGONSIGHT_SOURCE_DIR "/config/rigs/six_stereo.toml");
+    return settings_file(
+        "[[sensor]]\nname = \"s0\"\nkind = \"stereo\"\nsource = \"device\"\n"
+        "device = \"00b09d0100000000\"\ntrigger = \"together\"\n",
+        scene);
+  }
+};
+
+TEST_F(DaemonWithoutItsCamera, GivesItsPulsesAndWatchesOn) {
+  EXPECT_TRUE(comes_true([&] {
+    framesets();
+    return snapshot_->sensors[1].state == SensorState::kLost &&
+           !snapshot_->sensors[1].trouble.empty();
+  }));
+  EXPECT_TRUE(frames_go_on());
+  EXPECT_NE(thread_named("trigger"), 0);
+  EXPECT_EQ(snapshot_->allocations_sealed, 0U);
+}
+
 // A recording is asked for by the admin, and by nobody else.
 class DaemonForTheDepot : public Daemon {
  protected:

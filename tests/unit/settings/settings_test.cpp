@@ -244,6 +244,17 @@ INSTANTIATE_TEST_SUITE_P(
                     "[[sensor]]\nname = \"k1\"\nsource = \"recording\"\nfile = \"a\"",
                     "unit.toml:9: sensor 2.file = \"a\": another sensor has this recording; loop "
                     "must be the same for both"},
+        BadSettings{"sensor_trigger",
+                    "[[sensor]]\nname = \"s0\"\nkind = \"stereo\"\nsource = \"device\"\n"
+                    "device = \"1\"\ntrigger = \"soon\"",
+                    "unit.toml:6: sensor 1.trigger = \"soon\": must be \"free\", \"external\" or "
+                    "\"together\""},
+        BadSettings{
+            "sensor_triggerless",
+            "[[sensor]]\nname = \"k0\"\nsource = \"device\"\ndevice = \"1-1\"\n"
+            "trigger = \"together\"",
+            "unit.toml:5: sensor 1.trigger = \"together\": belongs to kind = \"stereo\" with "
+            "source = \"device\""},
         BadSettings{
             "sensor_trim",
             "[[sensor]]\nname = \"k0\"\nsource = \"recording\"\nfile = \"a\"\n"
