@@ -46,8 +46,12 @@ KinectBench::~KinectBench() {
   UsbBuses::instance().unplug_everything();
 }
 
+std::uint32_t KinectBench::frame_number(std::size_t unit, const FrameSlot& slot) const {
+  return units_[unit]->frame_of_ticks(slot.device_ticks, VirtualTime::instance().now());
+}
+
 void KinectBench::check(std::size_t unit, const FrameSlot& slot, Log& log) {
-  const std::uint32_t number = units_[unit]->frame_of_ticks(slot.device_ticks);
+  const std::uint32_t number = frame_number(unit, slot);
   log.good.push_back({number, slot.instant, slot.arrival});
   {
     const std::lock_guard hold(VirtualTime::instance().mutex());  // as when the unit asks

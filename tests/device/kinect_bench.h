@@ -7,6 +7,7 @@
 #include "device_bench.h"
 #include "kinect/kinect_sensor.h"
 #include "kinect_unit.h"
+#include "usb_bus.h"
 
 namespace wagonsight::device {
 
@@ -28,6 +29,8 @@ class KinectBench final : public DeviceBench {
   KinectUnit& unit(std::size_t index) { return *units_[index]; }
   std::shared_ptr<KinectUnit> shared_unit(std::size_t index) { return units_[index]; }
   const KinectSensor& sensor(std::size_t index) const { return *sensors_[index]; }
+  // Which of the unit's frames this is.
+  std::uint32_t frame_number(std::size_t unit, const FrameSlot& slot) const;
   static int bus_of(std::size_t unit) { return static_cast<int>(unit) + 1; }
 
  private:

@@ -81,7 +81,7 @@ TEST(KinectFrames, ShowTheSceneThatWasRendered) {
   std::uint64_t compared = 0;
   std::uint64_t off = 0;
   bench.hand_on([&](FrameSlot* slot) {
-    const auto& sent = feed.millimetres(bench.unit(0).frame_of_ticks(slot->device_ticks));
+    const auto& sent = feed.millimetres(bench.frame_number(0, *slot));
     const DepthImage depth = slot->depth();
     for (std::size_t i = 0; i < sent.size(); ++i) {
       const int meant = sent[i] < 400 || sent[i] >= 9'000 ? 0 : sent[i];
@@ -127,7 +127,7 @@ TEST(KinectFrames, MakeFrameSetsWhoseSkewIsKnownToAMillisecond) {
       for (std::size_t i = 0; i < 4; ++i) {
         const SensorFrame& frame = set.sensors[i];
         if (frame.state != FrameState::kPresent) continue;
-        const auto number = bench.unit(i).frame_of_ticks(frame.slot->device_ticks);
+        const auto number = bench.frame_number(i, *frame.slot);
         const double taken_ms = static_cast<double>(bench.unit(i).light_of(number)) * 1e-6;
         low = std::min(low, taken_ms);
         high = std::max(high, taken_ms);

@@ -43,7 +43,7 @@ void put_float(std::vector<std::uint8_t>& bytes, std::size_t at, float value) {
 KinectUnit::KinectUnit(Options options)
     : options_(std::move(options)),
       raw_(kPixels),
-      packed_(static_cast<std::size_t>(kPackets) * kPayloadBytes) {}
+      pictures_(std::max(options_.repeats_after, 1U)) {}
 
 UsbDevice::Identity KinectUnit::identity() const {
   return {0x045e, 0x02ae, options_.version, options_.serial, options_.speed_mbit};
@@ -97,11 +97,11 @@ Nanoseconds KinectUnit::light_of(std::uint32_t number) const {
   return first_microframe(number) * kMicroframe;
 }
 
-std::uint32_t KinectUnit::frame_of_ticks(std::uint64_t ticks) const {
-  const std::int64_t now = VirtualTime::instance().now() / kMicroframe;
-  const std::uint32_t behind = ticks_at(now) - static_cast<std::uint32_t>(ticks);
+std::uint32_t KinectUnit::frame_of_ticks(std::uint64_t ticks, Nanoseconds now) const {
+  const std::int64_t microframe = now / kMicroframe;
+  const std::uint32_t behind = ticks_at(microframe) - static_cast<std::uint32_t>(ticks);
   const double behind_s = behind / kTicksPerSecond / (1.0 + options_.drift_ppm * 1e-6);
-  return frame_at(now - static_cast<std::int64_t>(std::lround(behind_s / kMicroframe_s)));
+  return frame_at(microframe - static_cast<std::int64_t>(std::lround(behind_s / kMicroframe_s)));
 }
 
 Nanoseconds KinectUnit::lateness(std::int64_t microframe) {
@@ -215,17 +215,21 @@ std::uint16_t KinectUnit::millimetres(std::uint16_t raw) const {
   return depth_mm > 0 && depth_mm < 10'000 ? static_cast<std::uint16_t>(depth_mm) : 0;
 }
 
-void KinectUnit::render(std::uint32_t number) {
-  if (rendered_ == number) return;
+const std::vector<std::uint8_t>& KinectUnit::packed(std::uint32_t number) {
+  const bool repeats = options_.repeats_after != 0;
+  Picture& picture = pictures_[number % pictures_.size()];
+  if (picture.number == number || (repeats && picture.number >= 0)) return picture.packed;
   options_.feed(number, light_of(number), raw_);
-  std::uint8_t* out = packed_.data();
+  picture.number = number;
+  picture.packed.resize(static_cast<std::size_t>(kPackets) * kPayloadBytes);
+  std::uint8_t* out = picture.packed.data();
   std::uint64_t bits = 0;
   unsigned held = 0;
   for (const std::uint16_t raw : raw_) {
     bits = bits << 11U | (raw & 0x7ffU);
     for (held += 11; held >= 8; held -= 8) *out++ = static_cast<std::uint8_t>(bits >> (held - 8));
   }
-  rendered_ = number;
+  return picture.packed;
 }
 
 UsbDevice::IsoPacket KinectUnit::isochronous(std::uint8_t endpoint, std::int64_t microframe,
@@ -239,7 +243,6 @@ UsbDevice::IsoPacket KinectUnit::isochronous(std::uint8_t endpoint, std::int64_t
     sent_.push_back({number, false});
   }
   if (!in_frame_ || index >= kPackets) return {};
-  render(number);
   const int at = static_cast<int>(index) * kPayloadBytes;
   const int payload = std::min(kFrameBytes - at, kPayloadBytes);
   const bool is_last = index == kPackets - 1;
@@ -251,7 +254,7 @@ UsbDevice::IsoPacket KinectUnit::isochronous(std::uint8_t endpoint, std::int64_t
       0,   sequence, 0, 0};
   std::memcpy(out.data(), header, sizeof header);
   std::memcpy(&out[8], &ticks, sizeof ticks);
-  std::memcpy(&out[kHeaderBytes], &packed_[static_cast<std::size_t>(at)],
+  std::memcpy(&out[kHeaderBytes], &packed(number)[static_cast<std::size_t>(at)],
               static_cast<std::size_t>(payload));
   const IsoPacket packet = damage(microframe, {kHeaderBytes + payload, 0}, out);
   if (packet.status == 0 && packet.length == kHeaderBytes + payload && out[0] == 'R')

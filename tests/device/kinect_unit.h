@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "usb_bus.h"
+#include "usb_device.h"
 
 namespace wagonsight::device {
 
@@ -45,6 +45,8 @@ class KinectUnit final : public UsbDevice {
   struct Options {
     std::string serial;
     DepthFeed feed;
+    // The feed repeats itself after so many frames, and each picture is asked for once; 0: never.
+    std::uint32_t repeats_after = 0;
     double drift_ppm = 0;    // of its quartz: positive runs fast
     Nanoseconds phase = 0;   // of its frames against those of a unit without
     Nanoseconds jitter = 0;  // at most so much later is the host told
@@ -61,8 +63,9 @@ class KinectUnit final : public UsbDevice {
 
   // When the light of a frame was taken: as its first packet leaves.
   Nanoseconds light_of(std::uint32_t number) const;
-  // The frame whose last packet has this timestamp, unwrapped or not, when the clock never jumped.
-  std::uint32_t frame_of_ticks(std::uint64_t ticks) const;
+  // The frame whose last packet has this timestamp, unwrapped or not, when the clock never jumped
+  // and the frame is less than a minute old.
+  std::uint32_t frame_of_ticks(std::uint64_t ticks, Nanoseconds now) const;
   // Millimetres of a raw disparity by the camera's own formula; 0: no reading.
   std::uint16_t millimetres(std::uint16_t raw) const;
 
@@ -91,7 +94,7 @@ class KinectUnit final : public UsbDevice {
   int give_reply(std::span<std::uint8_t> out);
   int string_descriptor(int index, std::span<std::uint8_t> out) const;
   void write_register(unsigned number, unsigned value);
-  void render(std::uint32_t number);
+  const std::vector<std::uint8_t>& packed(std::uint32_t number);
   IsoPacket damage(std::int64_t microframe, IsoPacket packet, std::span<std::uint8_t> out);
 
   Options options_;
@@ -101,9 +104,11 @@ class KinectUnit final : public UsbDevice {
   bool in_frame_ = false;  // begins with a frame's first packet
   double jumped_s_ = 0;
   std::vector<std::uint16_t> raw_;
-  std::vector<std::uint8_t> packed_;
-  std::int64_t rendered_ = -1;
-  std::uint8_t sequence_ = 0;
+  struct Picture {
+    std::int64_t number = -1;  // of the frame that it was packed for
+    std::vector<std::uint8_t> packed;
+  };
+  std::vector<Picture> pictures_;
   std::vector<Sent> sent_;
   int good_packets_ = 0;
 };
