@@ -2,14 +2,9 @@
 
 #include <algorithm>
 
-#include "base/check.h"
-
 namespace wagonsight {
 namespace {
 
-// An instant is before its arrival by the clock fit's design; a second is beyond any doubt.
-constexpr Duration kImplausibleLead = std::chrono::seconds(1);
-constexpr std::size_t kPeriodsNeeded = 3;
 // Parts of a period, or of a way.
 constexpr int kSameRate = 50;    // periods that differ by less are equal
 constexpr int kClearly = 16;     // a gap that is wider by so much is clearly wider
@@ -22,90 +17,6 @@ constexpr Duration inertia(Duration period) {
 }
 
 }  // namespace
-
-FrameSetBuilder::FrameSetBuilder(FramePool& pool, std::span<const double> rates_hz,
-                                 const FrameSetOptions& options)
-    : pool_(pool), options_(options) {
-  WS_CHECK(rates_hz.size() <= kSensorsMax, "%zu sensors", rates_hz.size());
-  for (std::size_t i = 0; i < rates_hz.size(); ++i) {
-    if (rates_hz[i] <= 0) continue;
-    queues_[i].expected = true;
-    queues_[i].nominal_period = queues_[i].period = from_seconds(1.0 / rates_hz[i]);
-  }
-}
-
-FrameSetBuilder::~FrameSetBuilder() {
-  release_current();
-  for (SensorQueue& queue : queues_)
-    for (const Entry& entry : queue.entries) pool_.release(entry.slot);
-}
-
-const FrameSetBuilder::SensorQueue& FrameSetBuilder::state(std::size_t sensor_index) const {
-  WS_CHECK(sensor_index < kSensorsMax, "sensor %zu", sensor_index);
-  return queues_[sensor_index];
-}
-
-void FrameSetBuilder::add(FrameSlot* slot) {
-  WS_CHECK(slot != nullptr && state(slot->sensor_index).expected, "frame of an unknown sensor %d",
-           slot == nullptr ? -1 : slot->sensor_index);
-  SensorQueue& queue = queues_[slot->sensor_index];
-  Counters& counters = queue.counters;
-  ++counters.received;
-  const auto refuse = [&](std::uint64_t& cause) {
-    ++cause;
-    pool_.release(slot);
-  };
-  slot->instant -= options_.stamp_delays[slot->sensor_index];
-  const HostTime instant = slot->instant;
-  if (instant > slot->arrival + kImplausibleLead) return refuse(counters.implausible);
-  if (queue.seen && instant == queue.last_instant) return refuse(counters.duplicates);
-  if (queue.seen && instant < queue.last_instant) return refuse(counters.out_of_order);
-
-  if (!started_) started_ = instant;
-  now_ = std::max(now_, instant);
-  if (queue.seen) measure_period(queue, instant - queue.last_instant);
-  queue.seen = true;
-  queue.last_instant = instant;
-  if (queue.entries.full()) drop_front(queue, counters.overrun);
-  if (slot->damaged) {
-    pool_.release(slot);
-    ++counters.damaged;
-    slot = nullptr;
-  }
-  queue.entries.push_back({slot, instant});
-}
-
-void FrameSetBuilder::measure_period(SensorQueue& queue, Duration step) {
-  if (queue.periods.full()) {
-    queue.periods[queue.period_cursor] = step;
-    queue.period_cursor = (queue.period_cursor + 1) % kPeriodsMax;
-  } else {
-    queue.periods.push_back(step);
-  }
-  if (queue.periods.size() < kPeriodsNeeded) return;
-  auto sorted = queue.periods;
-  auto* middle = sorted.begin() + (sorted.size() - 1) / 2;
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  queue.period = *middle;
-}
-
-// A damaged frame was counted when it came.
-void FrameSetBuilder::drop_front(SensorQueue& queue, std::uint64_t& cause) {
-  auto& entries = queue.entries;
-  queue.left_instant = entries[0].instant;
-  if (entries[0].slot != nullptr) {
-    ++cause;
-    pool_.release(entries[0].slot);
-  }
-  std::copy(entries.begin() + 1, entries.end(), entries.begin());
-  entries.pop_back();
-}
-
-bool FrameSetBuilder::silent(const SensorQueue& queue) const {
-  if (!started_) return false;
-  const HostTime last = queue.seen ? queue.last_instant : *started_;
-  return now_ - last > std::max(options_.silent_after, 3 * queue.period);
-}
 
 int FrameSetBuilder::choose_reference() const {
   const auto usable = [&](const SensorQueue& queue) { return queue.seen && !silent(queue); };
@@ -211,12 +122,8 @@ void FrameSetBuilder::emit(const Tick& tick, FrameSet& set) {
   set = FrameSet{};
   set.index = set_count_++;
   set.instant = tick.instant;
-  for (std::size_t i = 0; i < kSensorsMax; ++i) {
-    if (!queues_[i].expected) continue;
-    set.sensors[i] = take_nearest(queues_[i], tick);
-    if (set.sensors[i].slot == nullptr) continue;
-    ++queues_[i].counters.used;
-  }
+  for (std::size_t i = 0; i < kSensorsMax; ++i)
+    if (queues_[i].expected) set.sensors[i] = take_nearest(queues_[i], tick);
   last_tick_ = tick;
   plan_phase();
 }
@@ -281,10 +188,7 @@ SensorFrame FrameSetBuilder::take_nearest(SensorQueue& queue, const Tick& tick) 
       drop_front(queue, queue.counters.superseded);
       continue;
     }
-    FrameSlot* slot = entries[0].slot;
-    current_.push_back(slot);
-    entries[0].slot = nullptr;
-    drop_front(queue, queue.counters.superseded);
+    const FrameSlot* const slot = take_front(queue);
     return {FrameState::kPresent, slot, slot->instant - tick.instant};
   }
   if (damaged) return {FrameState::kDamaged, nullptr, {}};
@@ -299,11 +203,6 @@ bool FrameSetBuilder::missing(const SensorQueue& queue, const Tick& tick) const 
   const bool hole = queue.entries.empty() ||
                     2 * (queue.entries[0].instant - *queue.left_instant) > 3 * queue.period;
   return hole && *queue.left_instant + queue.period < tick.instant + tick.period / 2;
-}
-
-void FrameSetBuilder::release_current() {
-  for (FrameSlot* slot : current_) pool_.release(slot);
-  current_.clear();
 }
 
 }  // namespace wagonsight
