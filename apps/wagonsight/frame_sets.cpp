@@ -5,18 +5,19 @@
 namespace wagonsight {
 namespace {
 
-// The builder's queues of every sensor, the set that is handed out and the frame that arrives.
+// The queues of every sensor, the set that is handed out and the frame that arrives.
 constexpr std::size_t kSlotsPerSensor = 10;
 
 }  // namespace
 
-FrameSetSource::FrameSetSource(RecordingReader& reader, const Rig& rig)
+FrameSetSource::FrameSetSource(RecordingReader& reader, const Rig& rig,
+                               const FrameSetOptions& options)
     : reader_(reader),
+      options_(options),
       sensor_count_(rig.sensors.size()),
       pool_(rig.sensors.size() == 1 ? 1 : kSlotsPerSensor * rig.sensors.size() + 1,
             reader.slot_bytes()) {
   for (std::size_t i = 0; i < sensor_count_; ++i) rates_hz_[i] = rig.sensors[i].rate_hz;
-  options_.stamp_delays = stamp_delays(rig);
   rewind();
 }
 
@@ -29,7 +30,7 @@ void FrameSetSource::rewind() {
   if (sensor_count_ == 1) {
     if (slot_ == nullptr) slot_ = pool_.acquire();
   } else {
-    builder_.emplace(pool_, std::span(rates_hz_).first(sensor_count_), options_);
+    grouping_ = make_frame_grouping(pool_, std::span(rates_hz_).first(sensor_count_), options_);
   }
 }
 
@@ -38,7 +39,7 @@ Result<bool> FrameSetSource::next(FrameSet& set) {
 }
 
 Result<bool> FrameSetSource::next_of_one(FrameSet& set) {
-  const auto more = reader_.next(*slot_);
+  auto more = reader_.next(*slot_);
   if (!more || !*more) return more;
   slot_->instant -= options_.stamp_delays[0];
   set = FrameSet{};
@@ -53,21 +54,21 @@ Result<bool> FrameSetSource::next_of_one(FrameSet& set) {
 
 Result<bool> FrameSetSource::next_of_many(FrameSet& set) {
   while (true) {
-    if (builder_->next(now_, set)) return true;
+    if (grouping_->next(now_, set)) return true;
     if (arriving_ != nullptr) {
-      builder_->add(arriving_);
+      grouping_->add(arriving_);
       arriving_ = nullptr;
       continue;
     }
     if (at_end_) return false;
     FrameSlot* slot = pool_.acquire();
     WS_CHECK(slot != nullptr, "%zu slots in use", pool_.in_use());
-    const auto more = reader_.next(*slot);
+    auto more = reader_.next(*slot);
     if (!more || !*more) {
       pool_.release(slot);
       if (!more) return more;
       at_end_ = true;
-      builder_->finish();
+      grouping_->finish();
       continue;
     }
     // Sets are taken before the frame is added, so that silence is seen as it was live.

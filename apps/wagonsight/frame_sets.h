@@ -2,10 +2,9 @@
 
 #include <array>
 #include <memory>
-#include <optional>
 
 #include "base/result.h"
-#include "capture/frame_set_builder.h"
+#include "capture/frame_grouping.h"
 #include "frame/frame.h"
 #include "recording/recording_reader.h"
 
@@ -16,7 +15,8 @@ namespace wagonsight {
 class FrameSetSource {
  public:
   // `reader` must outlive this; `rig` is the one to replay with (its sensors are the reader's).
-  FrameSetSource(RecordingReader& reader, const Rig& rig);
+  // `options` say how several sensors are grouped.
+  FrameSetSource(RecordingReader& reader, const Rig& rig, const FrameSetOptions& options);
 
   // False at the end. What a set points to stays until the next call.
   Result<bool> next(FrameSet& set);
@@ -31,9 +31,9 @@ class FrameSetSource {
   FrameSetOptions options_;
   std::size_t sensor_count_;
   FramePool pool_;
-  std::optional<FrameSetBuilder> builder_;  // of several sensors
-  FrameSlot* slot_ = nullptr;               // of one sensor
-  FrameSlot* arriving_ = nullptr;           // read, but older sets must be taken first
+  std::unique_ptr<FrameGrouping> grouping_;  // of several sensors
+  FrameSlot* slot_ = nullptr;                // of one sensor
+  FrameSlot* arriving_ = nullptr;            // read, but older sets must be taken first
   HostTime now_{};
   bool at_end_ = false;
   std::uint64_t index_ = 0;

@@ -7,6 +7,7 @@
 
 #include "cloud_files.h"
 #include "commands.h"
+#include "common/grouping_options.h"
 #include "frame_sets.h"
 #include "fusion/fused_cloud.h"
 #include "linux/workers.h"
@@ -43,7 +44,7 @@ class Replay {
         setup_(std::move(setup)),
         workers_(std::move(workers)),
         pipeline_(std::move(pipeline)),
-        sets_(*recording_.reader, setup_.rig) {}
+        sets_(*recording_.reader, setup_.rig, grouping_options(setup_.capture, setup_.rig)) {}
 
   Result<void> run();
 

@@ -60,6 +60,7 @@ Result<bool> take_settings(const std::string& path, ReplaySetup& setup) {
   const auto settings = parse_settings(file->text(), path);
   if (!settings) return tl::unexpected(settings.error());
   setup.options = pipeline_options(settings->pipeline, settings->stereo);
+  setup.capture = settings->capture;
   setup.workers = settings->processing.workers;
   for (const SensorSettings& sensor : settings->sensors) {
     const int index = find_sensor(setup.rig, sensor.name.view());

@@ -11,6 +11,7 @@
 #include "recording_file.h"
 #include "rig/ray_table.h"
 #include "rig/rig.h"
+#include "settings/settings.h"
 #include "wagon/wagon.h"
 
 namespace wagonsight {
@@ -22,6 +23,7 @@ struct ReplaySetup {
   std::array<RayTable, kSensorsMax> rays{};
   Wagon wagon;
   PipelineOptions options;
+  CaptureSettings capture;
   int workers = 0;                        // as ProcessingSettings
   bool had_pose = true;                   // before the floor was looked for
   std::uint64_t frame_count = 0;          // of all sensors together

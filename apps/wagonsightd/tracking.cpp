@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/grouping_options.h"
 #include "linux/clocks.h"
 #include "linux/resources.h"
 #include "linux/sealed_heap.h"
@@ -10,8 +11,8 @@
 namespace wagonsight {
 namespace {
 
-// Instants that are older are skipped, so that what is told stays of now: the builder itself waits
-// up to a tenth of a second for late frames.
+// Instants that are older are skipped, so that what is told stays of now: the grouping itself waits
+// up to a tenth of a second, with stereo cameras a fifth, for late frames.
 constexpr Duration kBacklogMax = std::chrono::milliseconds(300);
 constexpr double kSkewGain = 0.1;  // a mean of about the last ten frames
 constexpr Duration kWait = std::chrono::milliseconds(4);
@@ -25,9 +26,8 @@ std::array<double, kSensorsMax> rates_of(const Rig& rig) {
 // A pair of stereo images is on its bus for a fourteenth of a second before it is complete.
 constexpr Duration kStereoLatencyMax = std::chrono::milliseconds(120);
 
-FrameSetOptions live_options(const Rig& rig) {
-  FrameSetOptions options;
-  options.stamp_delays = stamp_delays(rig);
+FrameSetOptions live_options(const Rig& rig, const CaptureSettings& capture) {
+  FrameSetOptions options = grouping_options(capture, rig);
   options.tick_when_silent = true;
   const bool has_stereo =
       std::any_of(rig.sensors.begin(), rig.sensors.end(),
@@ -39,11 +39,13 @@ FrameSetOptions live_options(const Rig& rig) {
 }  // namespace
 
 Tracking::Tracking(std::unique_ptr<Pipeline> pipeline, std::unique_ptr<Workers> workers,
-                   const Rig& rig, FramePool& pool, FrameBell& bell, HostTime daemon_start)
+                   const Rig& rig, const CaptureSettings& capture, FramePool& pool, FrameBell& bell,
+                   HostTime daemon_start)
     : workers_(std::move(workers)),
       pipeline_(std::move(pipeline)),
       sensor_count_(rig.sensors.size()),
-      builder_(pool, std::span<const double>(rates_of(rig)), live_options(rig)),
+      stamp_delays_(stamp_delays(rig)),
+      grouping_(make_frame_grouping(pool, rates_of(rig), live_options(rig, capture))),
       bell_(bell),
       daemon_start_(daemon_start),
       now_(std::make_unique<TrackingReport>()),
@@ -79,7 +81,7 @@ void Tracking::run() {
     bell_.wait(kWait);
     take_frames();
     // A computer that does not keep up always has a next instant; it must stop nevertheless.
-    while (!stop_.load(std::memory_order_acquire) && builder_.next(host_now(), set)) {
+    while (!stop_.load(std::memory_order_acquire) && grouping_->next(host_now(), set)) {
       note_tick(set);
       if (host_now() - set.instant > kBacklogMax) {
         ++now_->framesets_dropped;
@@ -115,9 +117,11 @@ void Tracking::take_frames() {
   for (SourceThread* source : sources_) {
     while (FrameSlot* slot = source->take()) {
       TrackedSensor& sensor = now_->sensors[slot->sensor_index];
-      sensor.latency_ms = to_milliseconds(slot->arrival - slot->instant);
+      // The stamp is late by as much as was measured; the grouping takes that off, too.
+      const HostTime light = slot->instant - stamp_delays_[slot->sensor_index];
+      sensor.latency_ms = to_milliseconds(slot->arrival - light);
       if (!slot->damaged) sensor.last_good = to_seconds(slot->arrival - daemon_start_);
-      builder_.add(slot);
+      grouping_->add(slot);
     }
   }
 }
@@ -151,7 +155,7 @@ void Tracking::tell(const FrameSet& set) {
         static_cast<float>(to_milliseconds(times[i]));
   ++now.framesets;
   for (std::size_t i = 0; i < sensor_count_; ++i) {
-    const FrameSetBuilder::Counters& counters = builder_.counters(i);
+    const FrameGrouping::Counters& counters = grouping_->counters(i);
     TrackedSensor& sensor = now.sensors[i];
     sensor.received = counters.received;
     sensor.unused = counters.late + counters.overrun + counters.out_of_order +

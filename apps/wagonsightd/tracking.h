@@ -8,12 +8,13 @@
 #include <vector>
 
 #include "base/seqlock.h"
-#include "capture/frame_set_builder.h"
+#include "capture/frame_grouping.h"
 #include "drift_watch.h"
 #include "frame_source.h"
 #include "linux/held_memory.h"
 #include "linux/workers.h"
 #include "pipeline/pipeline.h"
+#include "settings/settings.h"
 #include "snapshot/snapshot.h"
 
 namespace wagonsight {
@@ -52,7 +53,7 @@ class Tracking {
  public:
   // `workers` are the pipeline's, made but not started.
   Tracking(std::unique_ptr<Pipeline> pipeline, std::unique_ptr<Workers> workers, const Rig& rig,
-           FramePool& pool, FrameBell& bell, HostTime daemon_start);
+           const CaptureSettings& capture, FramePool& pool, FrameBell& bell, HostTime daemon_start);
   ~Tracking();  // stops
   Tracking(const Tracking&) = delete;
   Tracking& operator=(const Tracking&) = delete;
@@ -96,7 +97,8 @@ class Tracking {
   std::unique_ptr<Workers> workers_;
   std::unique_ptr<Pipeline> pipeline_;
   std::size_t sensor_count_;
-  FrameSetBuilder builder_;
+  std::array<Duration, kSensorsMax> stamp_delays_;
+  std::unique_ptr<FrameGrouping> grouping_;
   FrameBell& bell_;
   HostTime daemon_start_;
   std::array<HostTime, kSensorsMax> usable_at_{};  // the last image of a stereo camera that was

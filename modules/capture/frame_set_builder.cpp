@@ -78,8 +78,13 @@ std::optional<FrameSetBuilder::Tick> FrameSetBuilder::find_gap_tick(
   Tick gap{missing, regular.period, kGapTick};
   if (other->instant >= missing + regular.period / 2) gap.instant = other->instant;
   // Frames of one sensor come in order: a later one of the reference proves that this is missing.
-  if (reference_frame != nullptr)
-    return regular.instant >= gap.instant + regular.period / 2 ? std::optional(gap) : std::nullopt;
+  // One that the gap would take is not missing: the cut has moved the ticks on. A gap instead would
+  // be followed by the next one, and the ticks would never come to where they are planned.
+  if (reference_frame != nullptr) {
+    const HostTime window_end = gap.instant + regular.period / 2;
+    const bool is_missing = regular.instant >= window_end && reference_frame->instant >= window_end;
+    return is_missing ? std::optional(gap) : std::nullopt;
+  }
   return deadline_passed(gap) ? std::optional(gap) : std::nullopt;
 }
 

@@ -50,6 +50,15 @@ void read_processing(const toml::table& table, Mistakes& mistakes, ProcessingSet
   reader.finish();
 }
 
+void read_capture(const toml::table& table, Mistakes& mistakes, CaptureSettings& capture) {
+  TableReader reader(table, "capture", mistakes);
+  reader.choice("grouping", capture.grouping, {"hardware", "barrier"});
+  reader.number("barrier_hz", capture.barrier_hz, 1, 60);
+  if (reader.has("barrier_hz") && capture.grouping == "hardware")
+    reader.refuse("barrier_hz", "belongs to grouping = \"barrier\"");
+  reader.finish();
+}
+
 void read_stereo(const toml::table& table, Mistakes& mistakes, StereoSettings& stereo) {
   TableReader reader(table, "stereo", mistakes);
   reader.choice("mode", stereo.mode, {"fast", "accurate"});
@@ -235,6 +244,13 @@ void check_together(TableReader& root, const Settings& settings) {
       std::any_of(settings.sensors.begin(), settings.sensors.end(), is_simulated);
   if (simulated && !root.has("demo"))
     root.refuse_secret("sensor", "a simulated sensor needs a [demo] section with a scene");
+  const bool triggered =
+      std::any_of(settings.sensors.begin(), settings.sensors.end(),
+                  [](const SensorSettings& s) { return s.trigger == "together"; });
+  if (triggered && settings.capture.grouping == "barrier")
+    root.refuse_secret("capture",
+                       "grouping = \"barrier\" has no ticks at which sensors with trigger = "
+                       "\"together\" could be triggered; take \"free\" or \"external\"");
 }
 
 Settings read_all(const toml::table& file, std::string_view file_name, Mistakes& mistakes) {
@@ -245,6 +261,8 @@ Settings read_all(const toml::table& file, std::string_view file_name, Mistakes&
     read_pipeline(*pipeline, mistakes, settings.pipeline);
   if (const auto* processing = root.table("processing"))
     read_processing(*processing, mistakes, settings.processing);
+  if (const auto* capture = root.table("capture"))
+    read_capture(*capture, mistakes, settings.capture);
   if (const auto* stereo = root.table("stereo")) read_stereo(*stereo, mistakes, settings.stereo);
   settings.wagon = read_wagon(root, mistakes);
   read_sensors(root, file_name, mistakes, settings.sensors);

@@ -37,6 +37,12 @@ struct ProcessingSettings {
   int workers = 0;
 };
 
+// How frames of several sensors become the frames of one instant; see modules/capture.
+struct CaptureSettings {
+  std::string grouping = "hardware";  // or "barrier", the paper's
+  double barrier_hz = 19.0;           // of the barrier's timer
+};
+
 // Of every stereo camera of the unit; see modules/stereo.
 struct StereoSettings {
   std::string mode = "fast";    // or "accurate"
@@ -112,6 +118,7 @@ struct Settings {
   UnitSettings unit;
   PipelineSettings pipeline;
   ProcessingSettings processing;
+  CaptureSettings capture;
   StereoSettings stereo;
   std::optional<Wagon> wagon;           // nothing: taken from the scene, or found in the recording
   std::vector<SensorSettings> sensors;  // none, but a scene: all of the scene's, simulated

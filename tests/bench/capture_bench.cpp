@@ -29,8 +29,20 @@ int main(int argc, char** argv) {
 
   auto* compress_command = app.add_subcommand("compress", "processor time of packing, by level");
 
+  bench::SkewOptions skew;
+  auto* skew_command = app.add_subcommand(
+      "skew", "timer and barrier, as the paper has it, against hardware-timed grouping");
+  skew_command->add_option("--trials", skew.trials, "of each row")->capture_default_str();
+  skew_command->add_option("--seconds", skew.seconds, "of each trial")->capture_default_str();
+  skew_command->add_option("--drift-ppm", skew.drift_ppm, "at most")->capture_default_str();
+  skew_command->add_option("--jitter-ms", skew.jitter_ms, "of arrivals")->capture_default_str();
+  skew_command->add_option("--readings", skew.readings, "of a Kinect's clock in a frame")
+      ->capture_default_str();
+  skew_command->add_option("--seed", skew.seed)->capture_default_str();
+
   CLI11_PARSE(app, argc, argv);
   const auto done = *ghosting_command ? bench::run_ghosting(ghosting)
+                    : *skew_command   ? bench::run_skew(skew)
                     : *record_command ? bench::run_record(record)
                                       : bench::run_compress({record.scene, record.rig});
   (void)compress_command;

@@ -31,4 +31,16 @@ struct CompressOptions {
 // The processor time of packing alone, by zstd's level, without a disk.
 Result<void> run_compress(const CompressOptions& options);
 
+struct SkewOptions {
+  int trials = 200;     // of each row of the table, at random phases
+  double seconds = 60;  // of each trial, after half a minute in which the clock fits settle
+  double drift_ppm = 50;
+  double jitter_ms = 5;
+  int readings = 15;  // of a Kinect's clock in a frame, as its driver takes them
+  std::uint64_t seed = 1;
+};
+// Prints how alike in time the frames of a set are, and how well that is known: the paper's timer
+// and barrier against hardware-timed grouping, in virtual time.
+Result<void> run_skew(const SkewOptions& options);
+
 }  // namespace wagonsight::bench

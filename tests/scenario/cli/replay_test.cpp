@@ -112,6 +112,32 @@ TEST_F(Replay, RecordsEverySensorOfTheSettings) {
   for (const json& sensor : told.at("sensors")) EXPECT_GT(sensor.at("frames"), 8) << sensor;
 }
 
+// As live: ten signals a second instead of a set for each frame of the first sensor.
+TEST_F(Replay, GroupsFramesAsTheSettingsSay) {
+  std::string scene(testing::kSmallScene);
+  scene +=
+      "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nposition = [4.9, 1.35, 2.2]\n"
+      "look_at = [2.0, 1.35, 0.6]\nphase_ms = 10\n";
+  write_text(at("scene.toml"), scene);
+  simulate(2);
+  const std::string demo = "[demo]\nscene = \"scene.toml\"\n";
+  write_text(at("hardware.toml"), demo);
+  write_text(at("barrier.toml"), demo + "[capture]\ngrouping = \"barrier\"\nbarrier_hz = 10\n");
+  must_run("replay sim.mcap --config hardware.toml --out a.jsonl");
+  must_run("replay sim.mcap --config barrier.toml --out b.jsonl");
+  const auto by_light = lines_of(at("a.jsonl"));
+  const auto by_barrier = lines_of(at("b.jsonl"));
+  EXPECT_GE(by_light.size(), 57U);
+  EXPECT_GE(by_barrier.size(), 18U);
+  EXPECT_LE(by_barrier.size(), 21U);
+  for (const json& line : by_barrier) {
+    // The instant is the middle between the two.
+    const json& skews = line.at("skew_ms");
+    if (skews.size() < 2) continue;
+    EXPECT_NEAR(skews.at("k0").get<double>(), -skews.at("k1").get<double>(), 0.011);
+  }
+}
+
 TEST_F(Replay, TakesUpABackgroundThatWasLearnedBefore) {
   simulate(1.5);
   must_run("replay sim.mcap --out a.jsonl --background whole --save-background room.background");

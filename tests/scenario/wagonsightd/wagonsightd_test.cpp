@@ -269,6 +269,24 @@ TEST_F(DaemonWithoutItsKinect, WatchesWithTheOthersAndSaysWhatIsMissing) {
   EXPECT_EQ(snapshot_->allocations_sealed, 0U);
 }
 
+// As the paper groups frames; but a sensor that is not there hangs no barrier.
+class DaemonWithABarrier : public Daemon {
+  std::string settings() override {
+    return settings_file(
+        "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nsource = \"device\"\n"
+        "device = \"NO-SUCH-KINECT\"\n[capture]\ngrouping = \"barrier\"\n");
+  }
+};
+
+TEST_F(DaemonWithABarrier, WatchesOnWithoutTheSensorThatIsNotThere) {
+  EXPECT_TRUE(comes_true([&] {
+    framesets();
+    return snapshot_->sensors[1].state == SensorState::kLost;
+  }));
+  EXPECT_TRUE(frames_go_on());
+  EXPECT_EQ(snapshot_->allocations_sealed, 0U);
+}
+
 // The stereo camera that is not there is to be triggered together with others.
 class DaemonWithoutItsCamera : public Daemon {
   std::string settings() override {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -11,6 +12,8 @@
 
 namespace wagonsight {
 namespace {
+
+using std::chrono::milliseconds;
 
 // The people file of a replay has a line a frame, whatever the rate really was.
 TEST(FrameSetBuilder, GivesOneSetAFrameForASingleCameraOfAnyRate) {
@@ -123,6 +126,29 @@ TEST(FrameSetBuilder, KeepsSensorsThatNobodyTriggersTogetherAtEveryPhase) {
     ASSERT_LE(most.skew_ms, bound_ms / 2 + (is_strict ? 0 : 0.5)) << "trial " << trial;
     ASSERT_GE(most.full + 5, most.sets) << "trial " << trial;
   }
+}
+
+// Another gap becomes the widest, and as sets wait for a slower sensor the reference's next frame
+// is there already: the ticks must come to where the cut wants them nevertheless.
+TEST(FrameSetBuilder, FollowsTheCutWhileFramesWaitForASlowerSensor) {
+  FrameSetOptions options;
+  options.latency_max = milliseconds(120);
+  GroupingBench bench({30, 30, 30, 30, 10}, options);
+  bench.run(play({{},
+                  {.phase_ms = 0.2},
+                  {.phase_ms = 12.5, .drift_ppm = -100},  // from the wider gap into the other
+                  {.phase_ms = 21.2},
+                  {.rate_hz = 10, .phase_ms = 10, .latency_ms = 72}},
+                 30));
+  std::size_t moved = 0;
+  for (const Outcome& o : bench.outcomes()) {
+    if (o.instant < at(2) || o.instant > at(29.8)) continue;
+    moved += o.skews[0] < Duration{} ? 1U : 0U;
+    // Until the cut has moved the four are 21.2 ms apart, and then 21.5 at most.
+    const auto [first, last] = std::minmax_element(o.skews.begin(), o.skews.begin() + 4);
+    ASSERT_LE(to_milliseconds(*last - *first), 22) << to_seconds(o.instant.time_since_epoch());
+  }
+  EXPECT_GT(moved, 30U * 20);
 }
 
 // Sensors of other rates have no phase; they do not move the tick.

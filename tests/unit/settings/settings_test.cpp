@@ -255,6 +255,19 @@ INSTANTIATE_TEST_SUITE_P(
             "trigger = \"together\"",
             "unit.toml:5: sensor 1.trigger = \"together\": belongs to kind = \"stereo\" with "
             "source = \"device\""},
+        BadSettings{"capture_grouping", "[capture]\ngrouping = \"barier\"",
+                    "unit.toml:2: capture.grouping = \"barier\": must be \"hardware\" or "
+                    "\"barrier\""},
+        BadSettings{"capture_timer", "[capture]\ngrouping = \"barrier\"\nbarrier_hz = 0",
+                    "unit.toml:3: capture.barrier_hz = 0: must be from 1 to 60"},
+        BadSettings{"capture_timerless", "[capture]\nbarrier_hz = 14.5",
+                    "unit.toml:2: capture.barrier_hz = 14.5: belongs to grouping = \"barrier\""},
+        BadSettings{
+            "capture_triggered",
+            "[[sensor]]\nname = \"s0\"\nkind = \"stereo\"\nsource = \"device\"\n"
+            "device = \"1\"\ntrigger = \"together\"\n[capture]\ngrouping = \"barrier\"",
+            "unit.toml:7: capture: grouping = \"barrier\" has no ticks at which sensors "
+            "with trigger = \"together\" could be triggered; take \"free\" or \"external\""},
         BadSettings{
             "sensor_trim",
             "[[sensor]]\nname = \"k0\"\nsource = \"recording\"\nfile = \"a\"\n"
@@ -273,6 +286,13 @@ INSTANTIATE_TEST_SUITE_P(
             "unit.toml:1: demo.scene is missing: the simulated wagon is described by a scene\n"
             "unit.toml:2: demo.speed = 0: must be from 0.01 to 100"}),
     [](const auto& parameter) { return std::string(parameter.param.what); });
+
+TEST(Settings, SayHowFramesAreGrouped) {
+  EXPECT_EQ(read("").capture.grouping, "hardware");
+  const Settings settings = read("[capture]\ngrouping = \"barrier\"\nbarrier_hz = 14");
+  EXPECT_EQ(settings.capture.grouping, "barrier");
+  EXPECT_DOUBLE_EQ(settings.capture.barrier_hz, 14);
+}
 
 TEST(Settings, BoundTheNumberOfThings) {
   std::string text = WAGON;
