@@ -93,8 +93,12 @@ struct RowLoops {
       const int disparity = (disparity_min + winner) * kDisparityScale +
                             subpixel_offset(below[x] - cost, above[x] - cost);
       out[x] = static_cast<std::int16_t>(good ? disparity : kNoDisparity);
-      sigmas[x] = static_cast<std::uint8_t>(sigma_of(larger(below[x], above[x]) - cost, cost));
     }
+    // A loop of its own: with two results there are more ways to overlap than g++ looks into, and
+    // then nothing becomes a vector.
+    for (int x = 0; x < width; ++x)
+      sigmas[x] =
+          static_cast<std::uint8_t>(sigma_of(larger(below[x], above[x]) - costs[x], costs[x]));
   }
 };
 
