@@ -11,7 +11,6 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <sstream>
 
 namespace wagonsight {
 namespace {
@@ -47,6 +46,21 @@ Response to_response(const ServerAnswer& answer, unsigned version) {
   for (const auto& [name, value] : answer.headers) response.insert(name, value);
   response.body() = answer.body;
   return response;
+}
+
+// By hand: Beast's own operator needs the C++ library's streams and locales, 400 kB of a static program.
+std::string to_text(const Response& response) {
+  std::string text = "HTTP/1.1 " + std::to_string(response.result_int());
+  const auto add = [&text](std::string_view before, boost::beast::string_view words) {
+    text.append(before).append(words.data(), words.size());
+  };
+  add(" ", response.reason());
+  for (const auto& field : response) {
+    add("\r\n", field.name_string());
+    add(": ", field.value());
+  }
+  add("\r\n\r\n", response.body());
+  return text;
 }
 
 // Lives as long as an operation of its own is pending.
@@ -266,11 +280,9 @@ struct HttpServer::State {
     Response response = to_response(shared.handler->refuse(503), 11);
     response.keep_alive(false);
     response.prepare_payload();
-    std::ostringstream text;
-    text << response;
+    const std::string bytes = to_text(response);
     error_code ignored;
     socket.non_blocking(true, ignored);
-    const std::string bytes = text.str();
     socket.write_some(asio::buffer(bytes), ignored);
     socket.shutdown(tcp::socket::shutdown_send, ignored);
   }

@@ -86,11 +86,12 @@ class Campaign:
 
     def becomes_ready(self, unit, what):
         seconds = unit.wait("/readyz", READY_S)
-        if seconds is None:
+        if seconds is None or unit.restarts:
             kept = pathlib.Path(tempfile.mkdtemp(prefix="campaign-"))
             copy(unit.console, kept / "console")
             copy(self.disk, kept / "disk.img")
             what += f"; its console and disk: {kept}"
+            say(f"restarts by (seconds after power-on, why) {unit.restarts}; console and disk: {kept}")
         self.failures.check(seconds is not None, what)
         return seconds
 
@@ -165,6 +166,7 @@ class Campaign:
                 if not self.failures.check("back after" in told, f"kill {number}: {told}"):
                     continue
                 back.append(int(told.split()[-2]) / 1000)
+                say(f"kills: {number + 1} of {count}: {told}")
                 self.failures.check(back[-1] <= BACK_S, f"kill {number}: back after {back[-1]:.2f} s")
                 if number % 3 != 0 or number == 0:
                     said = unit.get("/api/v1/health", 60)[1]

@@ -3,7 +3,7 @@
 // the first program. It leaves a child behind that lives below the unit's root, and becomes the
 // shipped first program. The child obeys lines on the second serial line:
 //   kill N     after N milliseconds SIGKILL for wagonsightd itself; waits until another one answers
-//                                                  -> killed PID, back after N ms
+//                -> killed PID, started again after A ms, its web side after B ms, back after N ms
 //   ready      waits until /readyz says so         -> ready after N ms
 //   forget     removes the note of past crashes    -> forgotten
 //   resident   names and resident kB of every process, and the machine's memory; ends with "."
@@ -71,11 +71,11 @@ void pause_ms(int milliseconds) {
   std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
 }
 
-// The daemon, which init started; its web side is its child.
-int find_daemon() {
+// The daemon, which init started (parent 1), or its web side, which is its child.
+int find_daemon(int parent = 1) {
   int daemon = 0;
   for_each_process([&](const Process& process) {
-    if (process.name == "wagonsightd" && process.parent == 1) daemon = process.pid;
+    if (process.name == "wagonsightd" && process.parent == parent) daemon = process.pid;
   });
   return daemon;
 }
@@ -112,11 +112,19 @@ std::string kill_daemon(int after_ms) {
   const int pid = find_daemon();
   const auto begin = Clock::now();
   if (pid == 0 || kill(pid, SIGKILL) != 0) return "there is no daemon\n";
-  for (int other = pid; other == pid || other == 0; other = find_daemon()) {
+  int other = pid;
+  for (; other == pid || other == 0; other = find_daemon()) {
     if (milliseconds_since(begin) > 60'000) return "not started again within a minute\n";
     pause_ms(20);
   }
-  return wait_for("/livez", "killed " + std::to_string(pid) + ", back after ", begin);
+  const auto started = milliseconds_since(begin);
+  while (find_daemon(other) == 0 && milliseconds_since(begin) < 60'000) pause_ms(20);
+  const auto spawned = milliseconds_since(begin);
+  return wait_for("/livez",
+                  "killed " + std::to_string(pid) + ", started again after " +
+                      std::to_string(started) + " ms, its web side after " +
+                      std::to_string(spawned) + " ms, back after ",
+                  begin);
 }
 
 std::string tell_resident() {

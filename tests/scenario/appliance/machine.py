@@ -11,6 +11,7 @@ import shutil
 import socket
 import subprocess
 import tempfile
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -102,11 +103,40 @@ class Machine:
                 "-blockdev", f"driver=file,filename={image},node-name=base",
                 "-blockdev", f"driver=file,filename={write_log},node-name=log",
                 "-blockdev", f"driver=blklogwrites,node-name=d,file=base,log=log,log-sector-size={SECTOR}"]
+        monitor = self.folder / f"monitor-{self.port}"
+        words += ["-qmp", f"unix:{monitor},server=on,wait=off"]
         self.console = self.folder / "console"
         with open(self.console, "wb") as console:
             self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=console, stderr=console)
         self.start = time.monotonic()
         self.line = None
+        self.restarts = []  # (seconds after power-on, why) of each restart that nobody here caused
+        threading.Thread(target=self.listen, args=(monitor,), daemon=True).start()
+
+    def listen(self, monitor):
+        """Notes restarts, as qemu tells of them: by the hardware watchdog, or by the unit's own reboot or panic."""
+        link = socket.socket(socket.AF_UNIX)
+        while self.process.poll() is None:
+            try:
+                link.connect(str(monitor))
+                break
+            except OSError:
+                time.sleep(0.05)
+        why = "the unit itself"
+        try:
+            with link.makefile("rw") as events:
+                events.write('{"execute": "qmp_capabilities"}\n')
+                events.flush()
+                for line in events:
+                    event = json.loads(line)
+                    if event.get("event") == "WATCHDOG":
+                        why = "its hardware watchdog"
+                    if event.get("event") == "RESET":
+                        self.restarts.append((round(self.age()), why))
+                        why = "the unit itself"
+        except (OSError, ValueError):
+            pass
+        monitor.unlink(missing_ok=True)
 
     def age(self):
         return time.monotonic() - self.start

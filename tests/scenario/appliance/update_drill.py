@@ -1,8 +1,9 @@
-"""update_drill.py --image FILE --work FOLDER --tool WAGONSIGHT --key KEY --token FILE   updates the image in qemu. FOLDER is what
-scripts/image left of the newer version (build/image-ARCH); FILE, which trusts KEY.pub and holds the admin token of FILE, is older.
-What is tried: bundles that must be refused, each by its name; an upload and an installation during which the power goes; the
-update itself, from the page to two minutes of /readyz in the other slot; an older bundle afterwards; an update whose daemon
-never gets ready, which must be rolled back by itself; factory reset."""
+"""update_drill.py --image FILE --work FOLDER --tool WAGONSIGHT --key KEY --token FILE --provision FOLDER [--cuts N] [--prefixes N]
+updates the image in qemu. The work FOLDER is what scripts/image left of the newer version (build/image-ARCH); the image, which
+trusts KEY.pub and was provisioned with FOLDER, is older. What is tried: bundles that must be refused, each by its name; an upload
+and an installation during which the power goes; the update itself, from the page to two minutes of /readyz in the other slot; an
+older bundle afterwards; an update whose daemon never gets ready, which must be rolled back by itself; N more power cuts at random
+instants of updates and of new settings, and N points of an update's recorded writes (update_cuts.py); factory reset."""
 
 import argparse
 import json
@@ -16,7 +17,8 @@ import tempfile
 import time
 
 from campaign import Failures, say
-from machine import Machine, boot_entries, copy, data_folder, run
+from machine import Machine, boot_entries, copy, data_folder, extract, run
+from update_cuts import UpdateCuts
 
 READY_S = 400  # a machine that is emulated on a busy computer
 GOOD_S = 400
@@ -31,6 +33,10 @@ class Drill:
         copy(options.image, self.disk)
         self.facts = dict(line.split(" ", 1) for line in (self.work / "release").read_text().splitlines())
         self.words = (self.work / "boot-words").read_text().strip()
+        self.provision = pathlib.Path(options.provision)
+        older = self.folder / "older.part"
+        extract(self.disk, "root-a", older)
+        self.older_root = older.read_bytes().rstrip(b"\0")
 
     def check(self, holds, what):
         return self.failures.check(holds, what)
@@ -57,12 +63,8 @@ class Drill:
                 self.bundle("wrong-key", key=self.folder / "foreign"): "does not trust",
                 self.bundle("other-architecture", architecture=other): "architecture"}
 
-    def never_ready(self):
-        """The same root, but its daemon only sleeps; tried for half a minute each time."""
-        tree, image = self.folder / "tree", self.folder / "root.img"
-        shutil.copytree(self.work / "root", tree, symlinks=True)
-        (tree / "bin/wagonsightd").write_text('#!/bin/sh\n[ "$3" = --check-config ] && exit 0\nexec /bin/sleep 100000\n')
-        run("mksquashfs", tree, image, "-all-root", "-comp", "zstd", "-noappend", "-quiet", "-no-progress")
+    def with_hash_tree(self, image):
+        """The image with its tree behind it, and the kernel's words for it."""
         blocks = (image.stat().st_size + 4095) // 4096
         os.truncate(image, blocks * 4096)
         salt = "00" * 32
@@ -70,14 +72,26 @@ class Drill:
                    "--hash-block-size=4096", f"--data-blocks={blocks}", f"--hash-offset={blocks * 4096}", f"--salt={salt}", image, image)
         root_hash = next(line.split()[-1] for line in told.splitlines() if line.startswith("Root hash:"))
         kept = [word for word in self.words.split() if word.split("=")[0] not in ("blocks", "roothash", "salt")]
-        words = " ".join(kept + [f"blocks={blocks}", f"roothash={root_hash}", f"salt={salt}", "trial=30"])
-        return self.bundle("never-ready", root=image, words=words)
+        return image, " ".join(kept + [f"blocks={blocks}", f"roothash={root_hash}", f"salt={salt}"])
+
+    def never_ready(self):
+        """The same root, but its daemon only sleeps; tried for half a minute each time."""
+        tree, image = self.folder / "tree", self.folder / "root.img"
+        shutil.copytree(self.work / "root", tree, symlinks=True)
+        (tree / "bin/wagonsightd").write_text('#!/bin/sh\n[ "$3" = --check-config ] && exit 0\nexec /bin/sleep 100000\n')
+        run("mksquashfs", tree, image, "-all-root", "-comp", "zstd", "-noappend", "-quiet", "-no-progress")
+        root, words = self.with_hash_tree(image)
+        return self.bundle("never-ready", root=root, words=f"{words} trial=30")
+
+    def roots(self):
+        """Every root that was ever signed, as bytes."""
+        return [self.older_root, *(image.read_bytes() for image in (self.work / "root.img", *self.folder.glob("*root.img")))]
 
     # --- the unit -------------------------------------------------------------------------------
 
-    def machine(self):
+    def machine(self, **options):
         (self.folder / "console").unlink(missing_ok=True)
-        return Machine(self.facts["architecture"], self.disk, self.folder, restarts=True)
+        return Machine(self.facts["architecture"], self.disk, self.folder, restarts=True, **options)
 
     def tool(self, unit, *words):
         return subprocess.run([self.options.tool, "update", *map(str, words), "--to", f"127.0.0.1:{unit.port}", "--token-file",
@@ -88,7 +102,7 @@ class Drill:
         sender = subprocess.Popen([self.options.tool, "update", str(bundle), "--to", f"127.0.0.1:{unit.port}", "--token-file",
                                    self.options.token], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while sender.poll() is None and not enough(self.state(unit)):
-            time.sleep(0.05)
+            time.sleep(0.2)
         sender.kill()
         sender.wait()
 
@@ -126,6 +140,9 @@ class Drill:
         self.cut_while_it_is_written(good)
         self.start_the_new_one(good)
         self.roll_back()
+        more = UpdateCuts(self, self.options.seed)
+        more.cuts(self.options.cuts)
+        more.prefixes(self.options.prefixes)
         self.factory_reset()
 
     def upload_some(self, unit, good):
@@ -182,7 +199,7 @@ class Drill:
 
     def factory_reset(self):
         with self.machine() as unit:
-            self.ready(unit, "b")
+            self.check(unit.wait("/readyz", READY_S) is not None, "not ready for the factory reset")
             name = self.state(unit).get("unit")
             self.check(self.tool(unit, "--factory-reset", "--restart").returncode == 0, "the factory reset was refused")
             self.hears(unit, "there is none yet")
@@ -197,9 +214,14 @@ class Drill:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("image", "work", "tool", "key", "token"):
+    for name in ("image", "work", "tool", "key", "token", "provision"):
         parser.add_argument(f"--{name}", required=True)
+    for name in ("cuts", "prefixes"):
+        parser.add_argument(f"--{name}", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(1 << 31))
     options = parser.parse_args()
+    say(f"update: seed {options.seed}")
+    random.seed(options.seed)
     with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR", "/tmp")) as folder:
         drill = Drill(options, folder)
         drill.run()
