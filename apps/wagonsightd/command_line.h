@@ -18,8 +18,8 @@ struct Command {
 
 extern const std::string_view kHelpText;
 
-// Reads the arguments; RUNTIME_DIRECTORY stands in for --state. The Error names the argument that is
-// wrong. Not thread-safe (getopt's state), to be called once at the start.
+// Reads the arguments; RUNTIME_DIRECTORY stands in for --state. The Error names the argument that
+// is wrong. Not thread-safe (getopt's state), to be called once at the start.
 Result<Command> read_command(int argc, char** argv);
 
 }  // namespace wagonsight

@@ -5,6 +5,9 @@
 // (marzer/tomlplusplus issue 295; the fix, pull request 305, returns false there, as here).
 // Nobody includes toml++ but by this header.
 #define TOML_EXCEPTIONS 0
+// Its other way to read a number goes through the C++ library's streams and locales, 350 kB of a
+// static program.
+#define TOML_FLOAT_CHARCONV 1
 #include <toml++/impl/preprocessor.h>
 
 #if TOML_LIB_MAJOR == 3 && TOML_LIB_MINOR <= 4

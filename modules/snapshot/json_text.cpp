@@ -1,6 +1,9 @@
 #include "snapshot/json_text.h"
 
+#include <array>
+#include <cmath>
 #include <cstdint>
+#include <cstdio>
 
 namespace wagonsight {
 namespace {
@@ -36,7 +39,60 @@ void append_control(std::string& out, char c) {
   out += kHex[code & 15U];
 }
 
+__extension__ using Wide = unsigned __int128;
+
+constexpr std::array<std::uint64_t, 10> kTens = {
+    1, 10, 100, 1'000, 10'000, 100'000, 1'000'000, 10'000'000, 100'000'000, 1'000'000'000};
+constexpr double kExactBelow = 9007199254740992.0;  // 2^53
+
+// magnitude * 10^decimals, rounded half to even, for magnitudes below 2^53 and at most 9 decimals:
+// the double is an integer of 53 bits over a power of two, so 128 bits hold all of it.
+Wide scaled(double magnitude, int decimals) {
+  int exponent = 0;
+  const auto bits = static_cast<std::uint64_t>(std::ldexp(std::frexp(magnitude, &exponent), 53));
+  const Wide whole = Wide{bits} * kTens[static_cast<std::size_t>(decimals)];
+  const int shift = 53 - exponent;  // at least 0
+  if (shift == 0) return whole;
+  if (shift > 100) return 0;  // less than half of the last digit
+  const Wide rest = whole & ((Wide{1} << shift) - 1), half = Wide{1} << (shift - 1);
+  const Wide down = whole >> shift;
+  const bool is_up = rest > half || (rest == half && (down & 1U) != 0);
+  return down + (is_up ? 1 : 0);
+}
+
+// Numbers that nobody measures: by printf, which this program has anyway.
+void append_rare(std::string& out, double value, int decimals) {
+  std::array<char, 352> text{};  // 309 digits before the point, 32 after it, sign and point
+  const int length = std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
+  std::string_view digits(text.data(), static_cast<std::size_t>(length));
+  if (digits.front() == '-' && digits.find_first_not_of("-0.") == std::string_view::npos)
+    digits.remove_prefix(1);
+  out += digits;
+}
+
 }  // namespace
+
+// Not std::to_chars, whose tables for fixed precision are 110 kB of the unit's 4 MB.
+void append_number(std::string& out, double value, int decimals) {
+  if (!std::isfinite(value)) {
+    out += "null";
+    return;
+  }
+  const double magnitude = std::abs(value);
+  if (magnitude >= kExactBelow || decimals >= static_cast<int>(kTens.size()))
+    return append_rare(out, value, decimals);
+  const Wide number = scaled(magnitude, decimals);
+  const std::uint64_t unit = kTens[static_cast<std::size_t>(decimals)];
+  if (value < 0 && number != 0) out += '-';
+  append_integer(out, static_cast<std::uint64_t>(number / unit));
+  if (decimals == 0) return;
+  out += '.';
+  auto fraction = static_cast<std::uint64_t>(number % unit);
+  const std::size_t end = out.size() + static_cast<std::size_t>(decimals);
+  out.resize(end, '0');
+  for (std::size_t i = end; fraction != 0; fraction /= 10)
+    out[--i] = static_cast<char>('0' + fraction % 10);
+}
 
 void append_quoted(std::string& out, std::string_view text) {
   out += '"';

@@ -48,7 +48,8 @@ Response to_response(const ServerAnswer& answer, unsigned version) {
   return response;
 }
 
-// By hand: Beast's own operator needs the C++ library's streams and locales, 400 kB of a static program.
+// By hand: Beast's own operator needs the C++ library's streams and locales, 400 kB of a static
+// program.
 std::string to_text(const Response& response) {
   std::string text = "HTTP/1.1 " + std::to_string(response.result_int());
   const auto add = [&text](std::string_view before, boost::beast::string_view words) {

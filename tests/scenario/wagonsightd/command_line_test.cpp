@@ -75,7 +75,8 @@ TEST(CommandLine, MistakesAreNamed) {
   EXPECT_THAT(complaint_about({"--config", "f", "--prot", "1"}), HasSubstr("--prot: there is no"));
   EXPECT_THAT(complaint_about({"--config", "f", "-x"}), HasSubstr("-x: there is no"));
   EXPECT_THAT(complaint_about({"--config", "f", "stray"}), HasSubstr("stray: is not understood"));
-  EXPECT_THAT(complaint_about({"--config", "f", "--check-config=yes"}), HasSubstr("--check-config"));
+  EXPECT_THAT(complaint_about({"--config", "f", "--check-config=yes"}),
+              HasSubstr("--check-config"));
   for (const char* port : {"65536", "-1", "80x", "", "1e3"})
     EXPECT_THAT(complaint_about({"--config", "f", std::string("--port=") + port}),
                 HasSubstr("must be a number from 0 to 65535"))

@@ -4,6 +4,9 @@
 #include <rapidcheck.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
+#include <charconv>
 
 #include <cmath>
 #include <limits>
@@ -188,6 +191,34 @@ TEST(JsonText, KeepsTextAsItIs) {
   }));
 }
 
+// What the C++ library writes, without the sign of a zero.
+std::string by_the_library(double value, int decimals) {
+  std::array<char, 400> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value,
+                                 std::chars_format::fixed, decimals)
+                       .ptr;
+  std::string digits(text.data(), end);
+  if (digits[0] == '-' && digits.find_first_not_of("-0.") == std::string::npos) digits.erase(0, 1);
+  return digits;
+}
+
+TEST(JsonText, RoundsEveryNumberAsTheLibraryDoes) {
+  ASSERT_TRUE(rc::check([] {
+    const auto bits = *rc::gen::arbitrary<std::uint64_t>();
+    const int decimals = *rc::gen::inRange(0, 12);
+    const double any = std::bit_cast<double>(bits);
+    // Every other one of a size that is measured, every third a tie.
+    const double value = bits % 3 == 0 ? (static_cast<double>(bits >> 48U) + 0.5) /
+                                             static_cast<double>(1U << (bits % 12U))
+                         : bits % 2 == 0 || !std::isfinite(any)
+                             ? static_cast<double>(static_cast<std::int64_t>(bits)) * 1e-15
+                             : any;
+    std::string out;
+    append_number(out, value, decimals);
+    RC_ASSERT(out == by_the_library(value, decimals));
+  }));
+}
+
 TEST(JsonText, WritesNumbersWithoutSurprises) {
   const auto text = [](double value, int decimals) {
     std::string out;
@@ -197,6 +228,12 @@ TEST(JsonText, WritesNumbersWithoutSurprises) {
   EXPECT_EQ(text(-0.00004, 4), "0.0000");
   EXPECT_EQ(text(-0.00006, 4), "-0.0001");
   EXPECT_EQ(text(-0.4, 0), "0");
+  EXPECT_EQ(text(0.5, 0), "0");
+  EXPECT_EQ(text(2.5, 0), "2");
+  EXPECT_EQ(text(0.0625, 3), "0.062");
+  EXPECT_EQ(text(9007199254740991.5, 1), "9007199254740992.0");
+  EXPECT_EQ(text(9007199254740993e3, 0), "9007199254740993024");
+  EXPECT_EQ(text(5e-324, 9), "0.000000000");
   EXPECT_EQ(text(1e22, 1), "10000000000000000000000.0");
   EXPECT_EQ(text(std::numeric_limits<double>::quiet_NaN(), 4), "null");
   EXPECT_EQ(text(std::numeric_limits<double>::infinity(), 4), "null");
