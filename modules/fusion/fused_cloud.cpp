@@ -11,9 +11,9 @@ constexpr std::uint32_t kTableSize = 2 * kFusedPointsMax;
 static_assert((kTableSize & (kTableSize - 1)) == 0);
 constexpr std::uint32_t kNoPoint = UINT32_MAX;
 
-// Teschner et al. 2003, "Optimized spatial hashing", of blocks of 4 x 4 x 4 voxels; a block's voxels
-// lie side by side, because the next point is mostly in the same block and the table is larger than
-// a processor's nearer caches.
+// Teschner et al. 2003, "Optimized spatial hashing", of blocks of 4 x 4 x 4 voxels; a block's
+// voxels lie side by side, because the next point is mostly in the same block and the table is
+// larger than a processor's nearer caches.
 std::uint32_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) {
   std::uint32_t h = (static_cast<std::uint32_t>(x >> 2) * 73856093U) ^
                     (static_cast<std::uint32_t>(y >> 2) * 19349663U) ^

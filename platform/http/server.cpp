@@ -18,8 +18,8 @@ namespace {
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = boost::beast::http;
+using asio::ip::tcp;
 using boost::system::error_code;
-using tcp = asio::ip::tcp;
 using Block = std::shared_ptr<const std::string>;
 using Response = http::response<http::string_body>;
 

@@ -21,6 +21,7 @@
     $('update-state').textContent = WORDS[now.state] || now.state;
     $('update-message').textContent = now.message || `Version ${now.version} runs from slot ${now.slot}.`;
     $('update-message').className = now.bad_news ? 'bad' : '';
+    if ($('update-error').textContent === now.message) say('');  // once is enough
     const bar = $('update-progress'), sent = now.state === 'receiving', done = now.state === 'installing';
     bar.hidden = !sent && !done;
     if (sent && now.bundle_bytes) bar.value = now.received_bytes / now.bundle_bytes;

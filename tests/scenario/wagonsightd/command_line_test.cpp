@@ -14,6 +14,7 @@ using testing::HasSubstr;
 Result<Command> read(std::vector<std::string> words) {
   words.insert(words.begin(), "wagonsightd");
   std::vector<char*> pointers;
+  pointers.reserve(words.size() + 1);
   for (std::string& word : words) pointers.push_back(word.data());
   pointers.push_back(nullptr);
   return read_command(static_cast<int>(words.size()), pointers.data());

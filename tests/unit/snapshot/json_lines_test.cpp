@@ -23,7 +23,7 @@ double some_number() {
 
 template <std::size_t N>
 std::array<double, N> some_numbers() {
-  std::array<double, N> values;
+  std::array<double, N> values{};
   for (double& value : values) value = some_number();
   return values;
 }
