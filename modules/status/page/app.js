@@ -270,8 +270,11 @@
     const on = r && r.state !== 'off';
     $('recording').hidden = !on;
     if (!on) return;
+    $('recording').dataset.state = r.state;
+    // In minutes, so that a screen reader does not read out every second; rounded as the verdict is.
+    const minutes = Math.max(1, Math.round(r.ends_in_s / 60));
     put('recording', r.state === 'on'
-      ? `Recording everything the sensors see, for ${duration(r.ends_in_s)} more`
+      ? `Recording everything the sensors see, for ${minutes < 120 ? `${minutes} min` : duration(r.ends_in_s)} more`
       : 'A recording is on, but cannot be written');
   }
 
