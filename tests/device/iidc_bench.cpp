@@ -23,8 +23,8 @@ IidcBench::IidcBench(std::size_t count, const Change& change)
   for (std::size_t i = 0; i < count; ++i) {
     IidcUnit::Options options;
     options.guid = kFirstGuid + i;
-    options.feed = [i](std::uint32_t number, Nanoseconds /*light*/, std::span<std::uint16_t> gray) {
-      paint_stereo_pattern(static_cast<unsigned>(i), number, gray);
+    options.feed = [i](const IidcUnit::Taken& taken, std::span<std::uint16_t> gray) {
+      paint_stereo_pattern(static_cast<unsigned>(i), taken.number, gray);
     };
     options.drift_ppm = 20.0 * static_cast<double>(i) - 50.0;
     options.phase = static_cast<Nanoseconds>(i) * 9'100'000;

@@ -214,7 +214,8 @@ int IidcUnit::packets() const {
 
 void IidcUnit::plan(std::int64_t first_cycle, Nanoseconds exposure_begin) {
   const auto exposure = static_cast<Nanoseconds>(shutter_s_ * 1e9);
-  planned_.push_back({next_number_++, first_cycle, exposure_begin + exposure / 2, exposure});
+  planned_.push_back(
+      {{next_number_++, exposure_begin + exposure / 2, exposure, gain_db_}, first_cycle});
   last_first_cycle_ = first_cycle;
 }
 
@@ -256,23 +257,24 @@ std::int64_t IidcUnit::next_packet(std::int64_t cycle) {
 }
 
 void IidcUnit::render(const Planned& frame) {
-  if (rendered_ == frame.number) return;
-  options_.feed(frame.number, frame.light, gray_);
+  if (rendered_ == frame.taken.number) return;
+  options_.feed(frame.taken, gray_);
   for (std::size_t i = 0; i < kPixels; ++i) {
     const auto swapped = static_cast<std::uint16_t>(gray_[i] << 8U | gray_[i] >> 8U);
     std::memcpy(&wire_[2 * i], &swapped, 2);
   }
   if (counts_frames())
     for (unsigned i = 0; i < 4; ++i)
-      wire_[i] = static_cast<std::uint8_t>(frame.number >> (24 - 8 * i));
-  rendered_ = frame.number;
+      wire_[i] = static_cast<std::uint8_t>(frame.taken.number >> (24 - 8 * i));
+  rendered_ = frame.taken.number;
 }
 
 FireDevice::Packet IidcUnit::isochronous(std::int64_t cycle, std::span<std::uint8_t> out) {
   const Planned& frame = planned_.front();
   const auto index = cycle - frame.first_cycle;
-  if (index == 0 || sent_.empty() || sent_.back().number != frame.number)
-    sent_.push_back({frame.number, frame.first_cycle, frame.light, frame.exposure, false, 0});
+  const Taken& taken = frame.taken;
+  if (index == 0 || sent_.empty() || sent_.back().number != taken.number)
+    sent_.push_back({taken.number, frame.first_cycle, taken.light, taken.exposure, false, 0});
   if (out.empty()) return {};
   render(frame);
   const int length = faults.wrong_packet_size ? packet_bytes_ - 4 : packet_bytes_;

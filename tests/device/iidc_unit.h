@@ -33,9 +33,15 @@ class IidcUnit final : public FireDevice {
   static constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight * 2;
   static constexpr std::size_t kBytes = kPixels * 2;
 
+  // How an image is taken.
+  struct Taken {
+    std::uint32_t number = 0;
+    Nanoseconds light = 0;  // the middle of the exposure
+    Nanoseconds exposure = 0;
+    double gain_db = 0;
+  };
   // Its gray values of 12 bits, left image, then right one.
-  using Feed =
-      std::function<void(std::uint32_t number, Nanoseconds light, std::span<std::uint16_t> gray)>;
+  using Feed = std::function<void(const Taken& taken, std::span<std::uint16_t> gray)>;
   enum class Rom { kRight, kNoCamera, kEmptyLeaf, kBeyondItsEnd };
   struct Options {
     std::uint64_t guid = 0;
@@ -83,9 +89,8 @@ class IidcUnit final : public FireDevice {
 
  private:
   struct Planned {
-    std::uint32_t number = 0;
+    Taken taken;
     std::int64_t first_cycle = 0;
-    Nanoseconds light = 0, exposure = 0;
   };
   void initialise();
   bool sends() const;
