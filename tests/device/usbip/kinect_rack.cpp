@@ -122,6 +122,11 @@ Result<void> KinectRack::plug(std::size_t index) {
   return {};
 }
 
+void KinectRack::spoil(std::size_t index, const std::function<void(KinectFaults&)>& change) {
+  const std::lock_guard hold(mutex_);
+  change(kinects_[index].unit->faults);
+}
+
 KinectRack::Sent KinectRack::sent(std::size_t index) {
   const std::lock_guard hold(mutex_);
   const auto& frames = kinects_[index].unit->sent();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -27,6 +28,9 @@ class KinectRack {
   // Into a port of its bus, another one than last time.
   Result<void> plug(std::size_t index);
   void unplug(std::size_t index) { kinects_[index].line.reset(); }
+
+  // Changes what is wrong with one.
+  void spoil(std::size_t index, const std::function<void(KinectFaults& faults)>& change);
 
   // Of the frames that began on the wire so far: those that the kernel fetched every packet of, and
   // those it did not. The one that is under way counts as neither.
