@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "common/pipeline_options.h"
 #include "devices.h"
@@ -101,13 +102,15 @@ void Assembly::take_rig(const Rig& rig, const std::array<RayTable, kSensorsMax>&
 }
 
 Result<void> Assembly::take_blob(const std::string& path) {
-  auto file = open_file_or_previous(path, [](std::span<const std::byte> bytes) -> Result<void> {
-    if (auto blob = open_blob(bytes); !blob) return tl::unexpected(blob.error());
+  std::optional<RigBlob> blob;  // of the file that is taken; its sums are most of a start's work
+  const auto take = [&](std::span<const std::byte> bytes) -> Result<void> {
+    auto opened = open_blob(bytes);
+    if (!opened) return tl::unexpected(opened.error());
+    blob = std::move(*opened);
     return {};
-  });
+  };
+  auto file = open_file_or_previous(path, take);
   if (!file) return tl::unexpected(file.error());
-  const auto blob = open_blob(file->file.bytes());
-  if (!blob) return tl::unexpected(blob.error());
   if (!file->refusal.empty())
     unit_.remarks.push_back(fmt::format("{}; {} is used instead.", file->refusal, file->path));
   unit_.blob_file = std::move(*file);

@@ -19,7 +19,14 @@ constexpr Duration inertia(Duration period) {
 }  // namespace
 
 int FrameSetBuilder::choose_reference() const {
-  const auto usable = [&](const SensorQueue& queue) { return queue.seen && !silent(queue); };
+  // At a start that takes long, all of the first frames may be old before anybody asks. Without a
+  // tick of theirs they would lie here for good, and with them the buffers of all that follow.
+  const auto waits = [&](const SensorQueue& queue) {
+    return !last_tick_ && !queue.entries.empty();
+  };
+  const auto usable = [&](const SensorQueue& queue) {
+    return queue.seen && (!silent(queue) || waits(queue));
+  };
   int fastest = -1;
   for (std::size_t i = 0; i < kSensorsMax; ++i) {
     if (!usable(queues_[i])) continue;

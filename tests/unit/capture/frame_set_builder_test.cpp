@@ -37,6 +37,39 @@ TEST(FrameSetBuilder, GivesOneSetAFrameAcrossPauses) {
   EXPECT_EQ(bench.outcomes().size(), sent.size());
 }
 
+// A computer that stands still while its sensors begin: what came is old before anybody asks for
+// it.
+TEST(FrameGroupings, FirstFramesThatAreOldHoldNoBufferForGood) {
+  for (const Grouping kind : {Grouping::kHardware, Grouping::kBarrier})
+    for (const std::size_t sensors : {1U, 3U}) {
+      FramePool pool(6, 64);
+      FrameSetOptions options;
+      options.grouping = kind;
+      options.tick_when_silent = true;
+      const std::vector<double> rates(sensors, 2.0);
+      const auto grouping = make_frame_grouping(pool, rates, options);
+      const auto add = [&](std::size_t number) {
+        FrameSlot* slot = pool.acquire();
+        ASSERT_NE(slot, nullptr) << "frame " << number;
+        slot->sensor_index = static_cast<std::uint8_t>(number % sensors);
+        slot->instant = slot->arrival = at(0.5 * static_cast<double>(number / sensors));
+        slot->damaged = false;
+        grouping->add(slot);
+      };
+      FrameSet set;
+      for (std::size_t number = 0; number < 6; ++number) add(number);
+      while (grouping->next(at(60), set)) {
+      }
+      for (std::size_t number = 240 * sensors; number < 246 * sensors; ++number) {
+        add(number);
+        while (grouping->next(at(0.5 * static_cast<double>(number / sensors)), set)) {
+        }
+      }
+      EXPECT_GE(grouping->counters(0).used, 5U);
+      EXPECT_LE(pool.in_use(), sensors);
+    }
+}
+
 TEST(FrameSetBuilder, HandsOutASingleCamerasFrameAtOnce) {
   GroupingBench bench({30});
   bench.deliver({0, at(1.0), at(1.02)});
