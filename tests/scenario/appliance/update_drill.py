@@ -11,13 +11,14 @@ import os
 import pathlib
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 
 from campaign import Failures, say
-from machine import Machine, boot_entries, copy, data_folder, extract, run
+from machine import BOOT_OFFSET, Machine, boot_entries, copy, data_folder, extract, run
 from update_cuts import UpdateCuts
 
 READY_S = 400  # a machine that is emulated on a busy computer
@@ -124,7 +125,22 @@ class Drill:
         return self.check(good, f"not ready from slot {slot}: {self.state(unit)}") and say(
             f"slot {slot} is ready {unit.age() - begin:.0f} s later")
 
+    def cuts_alone(self):
+        """From a unit whose slot a counts as good."""
+        run("mren", "-i", f"{self.disk}@@{BOOT_OFFSET}", "::/loader/entries/a+3.conf", "a.conf")
+        with self.machine() as unit:
+            self.ready(unit, "a")
+        self.more_cuts()
+
+    def more_cuts(self):
+        more = UpdateCuts(self, self.options.seed)
+        more.cuts(self.options.cuts)
+        more.prefixes(self.options.prefixes)
+
     def run(self):
+        if self.options.cuts_alone:
+            self.cuts_alone()
+            return
         good = self.bundle("newer")
         with self.machine() as unit:
             self.ready(unit, "a")
@@ -140,9 +156,7 @@ class Drill:
         self.cut_while_it_is_written(good)
         self.start_the_new_one(good)
         self.roll_back()
-        more = UpdateCuts(self, self.options.seed)
-        more.cuts(self.options.cuts)
-        more.prefixes(self.options.prefixes)
+        self.more_cuts()
         self.factory_reset()
 
     def upload_some(self, unit, good):
@@ -223,8 +237,11 @@ def main():
         parser.add_argument(f"--{name}", required=True)
     for name in ("cuts", "prefixes"):
         parser.add_argument(f"--{name}", type=int, default=0)
+    parser.add_argument("--cuts-alone", action="store_true", help="nothing but the cuts and prefixes")
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(1 << 31))
     options = parser.parse_args()
+    # Told to stop, it takes its machine down, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("update: stopped"))
     say(f"update: seed {options.seed}")
     random.seed(options.seed)
     with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR", "/tmp")) as folder:
