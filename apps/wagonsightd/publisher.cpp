@@ -136,7 +136,7 @@ void Publisher::tell_sensors(const std::vector<std::unique_ptr<SourceThread>>& s
       const SourceThread::Counters counters = source->counters();
       if (std::count_if(indices.begin(), indices.end(), any) == 1) {
         status.dropped += counters.dropped;
-        status.damaged += counters.damaged;
+        status.damaged = counters.damaged;  // those among them that were handed on, too
       }
       status.resets = counters.resets;
       status.trouble = source->trouble();

@@ -68,6 +68,7 @@ bool RecordedSensor::read_next(FramePool& pool) {
     return !more || (is_looped_ && begin_next_lap());
   }
   place_in_time(*slot);
+  if (slot->damaged) ++counters_.damaged;
   waiting_ = slot;
   let_go_of_read_pages();
   return true;

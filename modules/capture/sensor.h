@@ -25,6 +25,7 @@ class Sensor {
   // them, others take no notice. Any thread.
   virtual void set_exposure([[maybe_unused]] const Exposure& exposure) {}
 
+  // `damaged`: every frame that did not come whole, whether it was handed on as damaged or not.
   struct Counters {
     std::uint64_t frames = 0, dropped = 0, damaged = 0, resets = 0;
   };

@@ -159,6 +159,7 @@ Result<KinectRack::Comparison> KinectRack::compare(const std::string& path) {
     const auto came = recording->reader->next(slot);
     if (!came) return fail(path + ": " + came.error().message);
     if (!*came) return all;
+    if (slot.damaged) continue;
     const std::string_view name = sensors[slot.sensor_index].name.view();
     const auto kinect = std::find_if(kinects_.begin(), kinects_.end(),
                                      [&](const Kinect& k) { return k.name == name; });

@@ -56,6 +56,8 @@ TEST_F(RecordedSensorTest, EndsWithItsLastFrame) {
   }
   EXPECT_EQ(next(), nullptr);
   EXPECT_EQ(pool_.in_use(), 0U);
+  EXPECT_EQ(sensor_->counters().frames, kFrames);
+  EXPECT_EQ(sensor_->counters().damaged, 1U);  // the fourth came so, and is handed on so
 }
 
 TEST_F(RecordedSensorTest, LoopedGoesOnAsIfTheSensorsHadNeverStopped) {
