@@ -120,7 +120,7 @@ bool Drill::comes_true(Clock::duration patience, const std::function<bool()>& is
 
 Drill::Accounts Drill::judge(const char* when, const Accounts& before, Clock::time_point since,
                              const std::vector<std::size_t>& kinects) {
-  const Accounts after = accounts();
+  Accounts after = accounts();
   const double took_s = seconds_since(since);
   hold(!before.empty() && !after.empty(), "the page answers");
   if (before.empty() || after.empty()) return {};
