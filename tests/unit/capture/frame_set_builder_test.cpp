@@ -48,11 +48,14 @@ TEST(FrameGroupings, FirstFramesThatAreOldHoldNoBufferForGood) {
       options.tick_when_silent = true;
       const std::vector<double> rates(sensors, 2.0);
       const auto grouping = make_frame_grouping(pool, rates, options);
+      const auto instant_of = [&](std::size_t number) {
+        return HostTime{} + milliseconds(500) * static_cast<std::int64_t>(number / sensors);
+      };
       const auto add = [&](std::size_t number) {
         FrameSlot* slot = pool.acquire();
         ASSERT_NE(slot, nullptr) << "frame " << number;
         slot->sensor_index = static_cast<std::uint8_t>(number % sensors);
-        slot->instant = slot->arrival = at(0.5 * static_cast<double>(number / sensors));
+        slot->instant = slot->arrival = instant_of(number);
         slot->damaged = false;
         grouping->add(slot);
       };
@@ -62,7 +65,7 @@ TEST(FrameGroupings, FirstFramesThatAreOldHoldNoBufferForGood) {
       }
       for (std::size_t number = 240 * sensors; number < 246 * sensors; ++number) {
         add(number);
-        while (grouping->next(at(0.5 * static_cast<double>(number / sensors)), set)) {
+        while (grouping->next(instant_of(number), set)) {
         }
       }
       EXPECT_GE(grouping->counters(0).used, 5U);
