@@ -57,6 +57,7 @@ UnitInfo unit_info(const Unit& unit, std::string_view version) {
   info.name = unit.settings.unit.name;
   info.version = version;
   info.simulated = unit.simulated;
+  info.has_barrier = unit.settings.capture.grouping == "barrier";
   const WallTime wall = wall_now();
   info.started_unix = wall.synchronised ? wall.unix_s : 0;
   info.resident_limit = unit.simulated ? 0 : kResidentLimit;

@@ -60,10 +60,11 @@ struct LastCrash {
 };
 
 struct UnitInfo {
-  Name name;                // of the unit or its wagon, as the settings say
-  FixedString<80> version;  // of the program
-  bool simulated = false;   // the frames come from the simulator
-  bool safe_mode = false;   // it crashed too often, and only tells how it is
+  Name name;                 // of the unit or its wagon, as the settings say
+  FixedString<80> version;   // of the program
+  bool simulated = false;    // the frames come from the simulator
+  bool has_barrier = false;  // frames are grouped by a barrier: skews are what they happen to be
+  bool safe_mode = false;    // it crashed too often, and only tells how it is
   LastCrash last_crash;
   double started_unix = 0;           // 0: the clock was not synchronised then
   std::uint64_t resident_limit = 0;  // bytes the daemon is meant to stay below; 0: none stated

@@ -329,7 +329,9 @@ Health assess(const StatusInput& input, const HealthLimits& limits) {
   judge_freshness(out, input, limits);
   if (input.snapshot != nullptr) judge_last_crash(out, *input.snapshot, *input.unit);
   if (input.snapshot != nullptr && !input.unit->safe_mode) {
-    judge_sensors(out, *input.snapshot, limits);
+    HealthLimits sensor_limits = limits;
+    if (input.unit->has_barrier) sensor_limits.skew_ms_max = 1e9;  // nobody's fault
+    judge_sensors(out, *input.snapshot, sensor_limits);
     judge_pipeline(out, *input.snapshot, limits);
     judge_recording(out, *input.snapshot);
     judge_temperature(out, *input.snapshot);

@@ -29,6 +29,13 @@ class Replay : public testing::ProgramTest {
     write_text(at("scene.toml"), testing::kSmallScene);
     write_text(at("camera.toml"), kCamera);
   }
+  // The scene with a second Kinect opposite.
+  void write_two_kinects(const std::string& file, const std::string& more = "") const {
+    write_text(at(file), std::string(testing::kSmallScene) +
+                             "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\n"
+                             "position = [4.9, 1.35, 2.2]\nlook_at = [2.0, 1.35, 0.6]\n" +
+                             more);
+  }
   void simulate(double seconds) const {
     must_run(
         fmt::format("simulate --scene scene.toml --seconds {} --seed 3 --out sim.mcap --truth "
@@ -100,11 +107,7 @@ TEST_F(Replay, TakesOneOfSeveralSensorsWithoutPoses) {
 
 // A whole wagon's sensors, all that the settings' scene has.
 TEST_F(Replay, RecordsEverySensorOfTheSettings) {
-  std::string scene(testing::kSmallScene);
-  scene +=
-      "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nposition = [4.9, 1.35, 2.2]\n"
-      "look_at = [2.0, 1.35, 0.6]\n";
-  write_text(at("two.toml"), scene);
+  write_two_kinects("two.toml");
   write_text(at("live.toml"), "[demo]\nscene = \"two.toml\"\n");
   must_run("record --config live.toml --seconds 0.4 --out all.mcap");
   const json told = json::parse(must_run("inspect --json all.mcap").out);
@@ -114,11 +117,7 @@ TEST_F(Replay, RecordsEverySensorOfTheSettings) {
 
 // As live: ten signals a second instead of a set for each frame of the first sensor.
 TEST_F(Replay, GroupsFramesAsTheSettingsSay) {
-  std::string scene(testing::kSmallScene);
-  scene +=
-      "[[sensor]]\nname = \"k1\"\nkind = \"kinect\"\nposition = [4.9, 1.35, 2.2]\n"
-      "look_at = [2.0, 1.35, 0.6]\nphase_ms = 10\n";
-  write_text(at("scene.toml"), scene);
+  write_two_kinects("scene.toml", "phase_ms = 10\n");
   simulate(2);
   const std::string demo = "[demo]\nscene = \"scene.toml\"\n";
   write_text(at("hardware.toml"), demo);

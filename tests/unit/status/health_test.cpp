@@ -175,6 +175,14 @@ const Broken kBroken[] = {
      {"sensor_skew k1"},
      Verdict::kDegraded,
      true},
+    {"SkewOfABarrier",
+     [](Snapshot& s, UnitInfo& unit) {
+       s.sensors[1].skew_ms = -25;
+       unit.has_barrier = true;
+     },
+     {},
+     Verdict::kOk,
+     true},
     {"Hot",
      [](Snapshot& s, UnitInfo&) {
        s.sensors[0].has_temperature = true;
