@@ -92,6 +92,13 @@ Result<void> check_sums(const std::string& folder) {
   return {};
 }
 
+bool has_calibration(const std::string& folder) {
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none))
+    if (entry.is_regular_file() && is_calibration(entry.path())) return true;
+  return false;
+}
+
 Result<void> make_empty_folder(const std::string& folder) {
   if (auto removed = remove_tree(folder); !removed) return removed;
   return make_folders(folder);
@@ -189,8 +196,7 @@ Result<void> UnitData::check_and_seal(const std::string& prepared) {
 
 // A provisioning without a calibration keeps the one that there is.
 Result<void> UnitData::keep_calibration(const std::string& prepared) const {
-  const auto names = files_of(prepared);
-  if (names && std::any_of(names->begin(), names->end(), is_calibration)) return {};
+  if (has_calibration(prepared)) return {};
   for (const char* from : {"unit", "calibration"}) {
     bool found = false;
     std::error_code none;

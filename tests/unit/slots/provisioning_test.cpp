@@ -100,6 +100,18 @@ TEST_F(Provisioning, OfABundleCountsFromTheNextStartOn) {
   EXPECT_EQ(data.name(), "wagon-1");
 }
 
+TEST_F(Provisioning, OfABundleBringsItsOwnCalibration) {
+  put_stick();
+  UnitData data = unit();
+  ASSERT_EQ(refusal(data.take_folder(path("stick"), "")), "");
+  SampleBundle bundle = sample_provisioning("wagon-1", 4);
+  bundle.add("rig.blob", "calibrated anew");
+  EXPECT_EQ(refusal(take_bundle(data, bundle)), "");
+  EXPECT_EQ(get("data/unit/rig.blob"), "calibration");
+  EXPECT_EQ(refusal(data.settle()), "");
+  EXPECT_EQ(get("data/unit/rig.blob"), "calibrated anew");
+}
+
 TEST_F(Provisioning, OfABadBundleChangesNothing) {
   put_stick();
   UnitData data = unit();
