@@ -71,13 +71,20 @@ void pause_ms(int milliseconds) {
   std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
 }
 
-// The daemon, which init started (parent 1), or its web side, which is its child.
-int find_daemon(int parent = 1) {
+// The daemon, which init started.
+int find_daemon() {
   int daemon = 0;
   for_each_process([&](const Process& process) {
-    if (process.name == "wagonsightd" && process.parent == parent) daemon = process.pid;
+    if (process.name == "wagonsightd" && process.parent == 1) daemon = process.pid;
   });
   return daemon;
+}
+
+// The daemon's web side; it has another name.
+bool has_child(int parent) {
+  bool found = false;
+  for_each_process([&](const Process& process) { found = found || process.parent == parent; });
+  return found;
 }
 
 bool answers_200(const std::string& path) {
@@ -118,7 +125,7 @@ std::string kill_daemon(int after_ms) {
     pause_ms(20);
   }
   const auto started = milliseconds_since(begin);
-  while (find_daemon(other) == 0 && milliseconds_since(begin) < 60'000) pause_ms(20);
+  while (!has_child(other) && milliseconds_since(begin) < 60'000) pause_ms(20);
   const auto spawned = milliseconds_since(begin);
   return wait_for("/livez",
                   "killed " + std::to_string(pid) + ", started again after " +
