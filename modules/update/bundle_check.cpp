@@ -164,9 +164,8 @@ Result<void> BundleCheck::read_manifest() {
   const bool is_update = manifest->kind == BundleKind::kUpdate;
   if (is_update ? !by_update_key : !by_provision_key)
     return fail(
-        fmt::format("the bundle's key {} may not sign an {} for this unit; have the right "
-                    "one sign it",
-                    hex_text(id), noun(manifest->kind)));
+        fmt::format("the bundle's key {} may not sign {} for this unit; have the right one sign it",
+                    hex_text(id), is_update ? "an update" : "a provisioning"));
   if (auto checked = check_manifest(*manifest, rules_); !checked) return checked;
   manifest_ = std::move(*manifest);
   head_ = {};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bench/capture_bench.h"
+#include "bench/exposure_step.h"
 #include "bench/no_sink.h"
 #include "depot_recorder.h"
 #include "linux/clocks.h"
@@ -17,7 +18,6 @@
 #include "recording/recording_writer.h"
 #include "simulate/room.h"
 #include "simulate/simulation.h"
-#include "stereo/exposure.h"
 
 namespace wagonsight::bench {
 namespace {
@@ -51,15 +51,7 @@ Result<std::string> text_of(const std::string& path) {
 // A camera whose exposure has settled, as a driver has it after a second.
 void settle_exposure(SimulatedDevice& device, FrameSlot& slot) {
   constexpr int kImages = 6;
-  for (int i = 0; i < kImages && device.stereo() != nullptr; ++i) {
-    device.next(slot);
-    const auto seen = measure_exposure({slot.bytes.data(), slot.format, slot.width, slot.height},
-                                       {}, StereoModel::kFullScale);
-    const auto next = next_exposure(seen, {static_cast<double>(slot.exposure.shutter_us),
-                                           static_cast<double>(slot.exposure.gain_db)})
-                          .next;
-    device.set_exposure({static_cast<float>(next.shutter_us), static_cast<float>(next.gain_db)});
-  }
+  for (int i = 0; i < kImages && device.stereo() != nullptr; ++i) draw_and_expose(device, slot);
 }
 
 Result<DrawnRig> draw(const std::string& scene_path, const std::string& rig_path) {

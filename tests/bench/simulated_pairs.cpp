@@ -2,8 +2,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "exposure_step.h"
 #include "simulate/simulation.h"
-#include "stereo/exposure.h"
 #include "stereo/rectify.h"
 #include "stereo_images.h"
 
@@ -51,13 +51,7 @@ TruthPair pair_at(SimulatedDevice& device, const std::string& name, double secon
       continue;
     }
     instant = device.upcoming().instant;
-    device.next(slot);
-    const auto seen = measure_exposure({slot.bytes.data(), slot.format, slot.width, slot.height},
-                                       {}, StereoModel::kFullScale);
-    const auto next = next_exposure(seen, {static_cast<double>(slot.exposure.shutter_us),
-                                           static_cast<double>(slot.exposure.gain_db)})
-                          .next;
-    device.set_exposure({static_cast<float>(next.shutter_us), static_cast<float>(next.gain_db)});
+    draw_and_expose(device, slot);
   }
   const int width = model.width(), height = model.height();
   const auto& lenses = model.imagers();
