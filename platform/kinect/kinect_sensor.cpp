@@ -105,10 +105,14 @@ bool KinectSensor::poll(Duration timeout, FramePool& pool, SpscRing<FrameSlot*>&
 
 void KinectSensor::State::try_to_open() {
   if (recovery.failures() > 0) climb();
-  trouble = device.open(options.device);
+  const char* const refusal = device.open(options.device);
   const HostTime now = host_now();
-  if (trouble == nullptr) {
+  // What was wrong is so until frames come.
+  if (refusal != nullptr)
+    trouble = refusal;
+  else if (trouble == nullptr)
     trouble = device.remark();
+  if (refusal == nullptr) {
     recovery.opened(now);
     // Its clock may have begun anew.
     unwrapper = TickUnwrapper(32);
