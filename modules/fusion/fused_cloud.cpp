@@ -57,7 +57,8 @@ Fusion::Fusion(const Rig& rig, double voxel_m)
     const Eigen::Matrix3f R_SW = sensor.X_WS.rotation.conjugate().toRotationMatrix().cast<float>();
     for (int row = 0; row < 3; ++row)
       for (int col = 0; col < 3; ++col)
-        model.rotation_SW[static_cast<std::size_t>(3 * row + col)] = R_SW(row, col);
+        model.rotation_SW[3 * static_cast<std::size_t>(row) + static_cast<std::size_t>(col)] =
+            R_SW(row, col);
     for (int axis = 0; axis < 3; ++axis)
       model.position_W[static_cast<std::size_t>(axis)] =
           static_cast<float>(sensor.X_WS.position[axis]);
