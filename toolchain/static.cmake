@@ -45,7 +45,7 @@ set(libraries "${WAGONSIGHT_SYSROOT}/usr/lib/${triplet}")
 cmake_path(GET CMAKE_CURRENT_LIST_DIR PARENT_PATH project)
 # No path of this machine reaches the binary: messages of broken contracts name files of the project.
 set(hardening "-fstack-protector-strong -fstack-clash-protection -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=2"
-    "-ffile-prefix-map=${WAGONSIGHT_SYSROOT}/= -ffile-prefix-map=${project}/=")
+    "\"-ffile-prefix-map=${WAGONSIGHT_SYSROOT}/=\" \"-ffile-prefix-map=${project}/=\"")
 if(WAGONSIGHT_ARCHITECTURE STREQUAL "x86_64")
   list(APPEND hardening "-fcf-protection")
 else()
